@@ -115,8 +115,7 @@ pub fn virtual_antennas(profile: &RadarProfile) -> Option<Vec<VirtualAntenna, MA
             if profile.rx_mask & (1 << index) == 0 {
                 continue;
             }
-            let position =
-                profile.mounting.turn(at(tx.azimuth + rx.azimuth, tx.elevation + rx.elevation));
+            let position = profile.mounting.turn(at(tx.azimuth + rx.azimuth, tx.elevation + rx.elevation));
             antennas.push(VirtualAntenna { position, sign }).ok()?;
         }
     }

@@ -176,7 +176,10 @@ impl ReaderConfig {
     pub fn for_scene(address: Ipv4, scene: &Scene) -> Self {
         Self {
             endpoint: Endpoint { address, port: LLRP_PORT },
-            antennas: (1..=u16::from(scene.reader_antennas)).map(AntennaPort).take(MAX_READER_ANTENNAS).collect(),
+            antennas: (1..=u16::from(scene.reader_antennas))
+                .map(AntennaPort)
+                .take(MAX_READER_ANTENNAS)
+                .collect(),
             power_index: 0,
             rf_mode: 0,
             session: 1,

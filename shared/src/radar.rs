@@ -118,7 +118,9 @@ pub enum ProfileError {
 impl core::fmt::Display for ProfileError {
     fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
         match self {
-            Self::Samples(n) => write!(f, "{n} samples a chirp: need a power of two from 16 to {MAX_SAMPLES}"),
+            Self::Samples(n) => {
+                write!(f, "{n} samples a chirp: need a power of two from 16 to {MAX_SAMPLES}")
+            }
             Self::Loops(n) => write!(f, "{n} loops a frame: need a power of two from 1 to {MAX_LOOPS}"),
             Self::RxMask(m) => write!(f, "receiver mask {m}: need 1 to 15 (RX1 to RX4)"),
             Self::TxOrder => write!(f, "every chirp of the frame must enable a transmitter"),
@@ -195,7 +197,8 @@ impl RadarProfile {
     /// # Errors
     /// The first rule that is broken.
     pub fn validate(&self) -> Result<(), ProfileError> {
-        let power_of_two = |n: u16, min: u16, max: usize| n.is_power_of_two() && n >= min && usize::from(n) <= max;
+        let power_of_two =
+            |n: u16, min: u16, max: usize| n.is_power_of_two() && n >= min && usize::from(n) <= max;
         if !power_of_two(self.samples, 16, MAX_SAMPLES) {
             return Err(ProfileError::Samples(self.samples));
         }
@@ -259,7 +262,8 @@ impl RadarProfile {
 
     /// Bandwidth that is sampled, Hz: slope x samples / rate.
     pub fn sampled_bandwidth_hz(&self) -> f64 {
-        f64::from(self.slope_khz_per_us) * 1e9 * f64::from(self.samples) / (f64::from(self.sample_rate_ksps) * 1e3)
+        f64::from(self.slope_khz_per_us) * 1e9 * f64::from(self.samples)
+            / (f64::from(self.sample_rate_ksps) * 1e3)
     }
 
     /// Carrier in the middle of the sampled band, Hz.

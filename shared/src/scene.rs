@@ -105,10 +105,7 @@ mod tests {
 
     #[test]
     fn default_scene_fits_the_default_profile_with_the_72_bins_of_its_gate() {
-        assert_eq!(
-            Scene::default().gate(&RadarProfile::bridge()),
-            Ok(RangeGate { first: 0, bins: 72 })
-        );
+        assert_eq!(Scene::default().gate(&RadarProfile::bridge()), Ok(RangeGate { first: 0, bins: 72 }));
     }
 
     #[test]

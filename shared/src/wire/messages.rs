@@ -12,7 +12,7 @@ use crate::units::{BridgeTime, Kilohertz};
 /// Bytes of map codes in one packet, at most; the rest of a datagram is for header and fields.
 pub const MAX_MAP_BYTES: usize = 1408;
 /// Reads in one packet, at most: with the longest EPCs they still fit a datagram.
-pub const MAX_READS: usize = 14;
+pub const MAX_READS: usize = 16;
 /// Points in one packet, at most.
 pub const MAX_POINTS: usize = 64;
 /// Channels of a hop table, at most (FCC: 50).
@@ -22,7 +22,10 @@ pub const MAX_COVARIANCE: usize = MAX_VIRTUAL * MAX_VIRTUAL;
 
 /// Everything that travels. See the table of the [module](super).
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[allow(clippy::large_enum_variant, reason = "nothing is allocated; a message lives for one encode or decode")]
+#[allow(
+    clippy::large_enum_variant,
+    reason = "nothing is allocated; a message lives for one encode or decode"
+)]
 pub enum Message<'a> {
     /// One radar frame.
     Frame(FrameInfo),
@@ -286,7 +289,10 @@ pub struct Command {
 /// Requests of a host.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
-#[allow(clippy::large_enum_variant, reason = "nothing is allocated; a request lives for one encode or decode")]
+#[allow(
+    clippy::large_enum_variant,
+    reason = "nothing is allocated; a request lives for one encode or decode"
+)]
 pub enum Request {
     /// Say [`Hello`], and send to the asker from now on.
     Hello,

@@ -6,19 +6,19 @@
 //!
 //! | message | direction | stream | what it carries | bytes, smallest to largest |
 //! |---|---|---|---|---|
-//! | `Frame` | up | radar | one radar frame: number, profile, losses, clipping, moving cells | 17 to 44 |
-//! | `MapRows` | up | radar | rows of a heatmap as u8 on a stated dB scale | 29 to 1448 |
-//! | `Covariance` | up | radar | spatial covariance of the moving cells, packed Hermitian | 14 to 615 |
-//! | `Points` | up | radar | points detected by the radar itself (UART) | 13 to 1347 |
-//! | `Tags` | up | tags | tag reads | 12 to 1400 |
-//! | `HopTable` | up | tags | the reader's channels in kHz | 13 to 344 |
-//! | `Telemetry` | up | telemetry | losses, overruns, temperatures, load, reader's state | 35 to 162 |
-//! | `Hello` | up | control | who the bridge is, what it can hold | 20 to 50 |
-//! | `Config` | up | control | the configuration in force | 86 to 171 |
-//! | `Ack` | up | control | a command's outcome | 14 to 31 |
-//! | `Command` | down | control | what the host asks | 13 to 177 |
+//! | `Frame` | up | radar | one radar frame: number, profile, losses, clipping, moving cells | 16 to 55 |
+//! | `MapRows` | up | radar | rows of a heatmap as u8 on a stated dB scale | 26 to 1461 |
+//! | `Covariance` | up | radar | spatial covariance of the moving cells, packed Hermitian | 17 to 609 |
+//! | `Points` | up | radar | points detected by the radar itself (UART) | 12 to 1311 |
+//! | `Tags` | up | tags | tag reads | 11 to 1450 |
+//! | `HopTable` | up | tags | the reader's channels in kHz | 12 to 349 |
+//! | `Telemetry` | up | telemetry | losses, overruns, temperatures, load, reader's state | 29 to 112 |
+//! | `Hello` | up | control | who the bridge is, what it can hold | 16 to 55 |
+//! | `Config` | up | control | the configuration in force | 66 to 174 |
+//! | `Ack` | up | control | a command's outcome | 13 to 51 |
+//! | `Command` | down | control | what the host asks | 12 to 178 |
 //!
-//! Sizes include the header (10 to 27 bytes) and are held by a test; the largest fits one datagram ([`MAX_PACKET`]).
+//! Sizes include the header (9 to 24 bytes) and are held by a test; the largest fits one datagram ([`MAX_PACKET`]).
 //! Over UDP a packet is a datagram. Over a serial line it is followed by its CRC and COBS-framed ([`serial`]).
 //!
 //! A message may only be appended to the enum, a field only with a new [`VERSION`].
