@@ -30,5 +30,6 @@
     )
 )]
 
+pub mod dca1000;
 pub mod llrp;
 pub mod mmwave;
