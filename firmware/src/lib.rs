@@ -9,11 +9,11 @@
 //! ```text
 //! DCA1000 datagrams --dca1000::Reassembly--> chirps --dsp::RangeStage--> gated cube (i16, one exponent a chirp)
 //!                                                                          |
-//!       uplink packets <--uplink::Packetiser-- maps, covariance <--dsp::DopplerStage (one range bin at a time)
+//!       uplink packets <--uplink::MapPacker-- maps, covariance <--dsp::DopplerStage (one range bin at a time)
 //!
-//! SDK demo's UART  --mmwave::tlv--> range profile, heatmap, points --uplink::Packetiser--> uplink packets
+//! SDK demo's UART  --mmwave::tlv--> range profile, heatmap, points --uplink::Uplink--> uplink packets
 //! CLI profile      --mmwave::cfg--> RadarProfile;  --mmwave::cli--> lines to the radar, `Done` or `Error` back
-//! LLRP over TCP    --llrp::Client--> tag reads on the bridge's clock --uplink::Packetiser--> uplink packets
+//! LLRP over TCP    --llrp::Client--> tag reads on the bridge's clock --uplink::Uplink--> uplink packets
 //! ```
 //!
 //! [`bridge`] joins them. To change how a device is spoken to, go to its module ([`dca1000`], [`mmwave`], [`llrp`]);
@@ -30,6 +30,13 @@
     )
 )]
 
+#[cfg(test)]
+extern crate std;
+
+pub mod bridge;
 pub mod dca1000;
+pub mod dsp;
 pub mod llrp;
 pub mod mmwave;
+pub mod simulated;
+pub mod uplink;

@@ -5,7 +5,7 @@ use core::fmt;
 use heapless::Vec;
 use serde::{Deserialize, Serialize};
 
-use crate::radar::{ProfileError, RadarProfile, RangeGate};
+use crate::radar::{MAX_GATE_BINS, ProfileError, RadarProfile, RangeGate};
 use crate::scene::{Scene, Unmet};
 use crate::units::{AntennaPort, Decibels, Seconds};
 
@@ -198,13 +198,20 @@ pub enum ConfigError {
     Profile(ProfileError),
     /// The profile does not see the scene.
     Scene(Unmet),
-    /// The gate is empty or reaches past the profile's range bins.
+    /// The gate is empty, reaches past the profile's range bins, or has more than [`MAX_GATE_BINS`].
     Gate(RangeGate),
     /// The gated cube needs more bytes than this bridge has.
     CubeTooLarge {
         /// Bytes of one gated cube.
         needed: u32,
         /// Bytes of the bridge's cube memory.
+        available: u32,
+    },
+    /// A chirp has more bytes than this bridge can collect.
+    ChirpTooLarge {
+        /// Bytes of one chirp, all receivers.
+        needed: u32,
+        /// Bytes of the bridge's buffer.
         available: u32,
     },
     /// Columns of the range-time map must be a power of two, at most the loops.
@@ -232,11 +239,14 @@ impl fmt::Display for ConfigError {
             Self::Scene(e) => write!(f, "{e}"),
             Self::Gate(g) => write!(
                 f,
-                "range gate of {} bins from bin {} is empty or reaches past the last bin",
+                "range gate of {} bins from bin {}: need 1 to {MAX_GATE_BINS}, and none past the profile's last bin",
                 g.bins, g.first
             ),
             Self::CubeTooLarge { needed, available } => {
                 write!(f, "the gated cube needs {needed} bytes, the bridge has {available}")
+            }
+            Self::ChirpTooLarge { needed, available } => {
+                write!(f, "a chirp has {needed} bytes, the bridge collects {available}")
             }
             Self::RangeTimeColumns(n) => {
                 write!(f, "{n} range-time columns: need a power of two, at most the loops of a frame")
@@ -269,7 +279,8 @@ impl RadarConfig {
         let Self { profile, input, processing } = self;
         profile.validate().map_err(ConfigError::Profile)?;
         let gate = processing.gate;
-        if gate.bins == 0 || u32::from(gate.first) + u32::from(gate.bins) > u32::from(profile.range_bins()) {
+        let past_end = u32::from(gate.first) + u32::from(gate.bins) > u32::from(profile.range_bins());
+        if gate.bins == 0 || usize::from(gate.bins) > MAX_GATE_BINS || past_end {
             return Err(ConfigError::Gate(gate));
         }
         let needed = profile.cube_bytes(gate);

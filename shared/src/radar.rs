@@ -20,6 +20,8 @@ pub const MAX_VIRTUAL: usize = MAX_RX * MAX_TX_SLOTS;
 pub const MAX_SAMPLES: usize = 1024;
 /// Loops of one frame, at most: the longest Doppler FFT.
 pub const MAX_LOOPS: usize = 256;
+/// Range bins of a gate, at most.
+pub const MAX_GATE_BINS: usize = 256;
 
 /// Payload of one full DCA1000 datagram in bytes, after its 10-byte header (1466 bytes of UDP payload in all).
 pub const DCA1000_PAYLOAD: u32 = 1456;

@@ -295,7 +295,6 @@ fn unframe(bytes: &[u8]) -> Result<&[u8], CommandError> {
 
 #[cfg(test)]
 mod tests {
-    extern crate std;
     use std::vec::Vec;
 
     use proptest::prelude::*;

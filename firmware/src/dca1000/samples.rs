@@ -95,7 +95,6 @@ pub fn pack(samples: &[Complex32], format: SampleFormat, raw: &mut [u8]) {
 
 #[cfg(test)]
 mod tests {
-    extern crate std;
     use std::vec;
     use std::vec::Vec;
 

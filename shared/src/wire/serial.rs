@@ -11,19 +11,18 @@ const CRC_BYTES: usize = 4;
 /// Largest serial frame: packet and CRC, one COBS byte for each 254 begun, and the final zero.
 pub const MAX_FRAME: usize = MAX_PACKET + CRC_BYTES + (MAX_PACKET + CRC_BYTES).div_ceil(254) + 1;
 
-/// Writes `packet` as a serial frame to `frame` and returns the written part.
+/// Writes an encoded packet ([`Packet::encode`]) as a serial frame to `frame` and returns the written part.
 ///
 /// # Errors
-/// [`WireError::TooLong`] if it does not fit.
-pub fn encode<'f>(packet: &Packet<'_>, frame: &'f mut [u8; MAX_FRAME]) -> Result<&'f [u8], WireError> {
-    let mut buffer = [0; MAX_PACKET + CRC_BYTES];
-    let length = packet.encode(&mut buffer)?.len();
-    let (body, rest) = buffer.split_at_mut(length);
-    let crc = CRC.checksum(body).to_le_bytes();
-    rest.get_mut(..CRC_BYTES).ok_or(WireError::TooLong)?.copy_from_slice(&crc);
-    let plain = buffer.get(..length + CRC_BYTES).ok_or(WireError::TooLong)?;
+/// [`WireError::TooLong`] if it is longer than a packet may be.
+pub fn encode<'f>(packet: &[u8], frame: &'f mut [u8; MAX_FRAME]) -> Result<&'f [u8], WireError> {
+    let mut plain = heapless::Vec::<u8, { MAX_PACKET + CRC_BYTES }>::new();
+    let crc = CRC.checksum(packet).to_le_bytes();
+    for part in [packet, &crc] {
+        plain.extend_from_slice(part).map_err(|_| WireError::TooLong)?;
+    }
     // The last byte of the largest frame is left for the zero.
-    let coded = cobs::encode(plain, frame);
+    let coded = cobs::encode(&plain, frame);
     *frame.get_mut(coded).ok_or(WireError::TooLong)? = 0;
     frame.get(..=coded).ok_or(WireError::TooLong)
 }

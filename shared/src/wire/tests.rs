@@ -323,7 +323,7 @@ proptest! {
         prop_assert_eq!(&Packet::decode(encoded).unwrap(), &packet);
 
         let mut frame = [0; serial::MAX_FRAME];
-        let framed = serial::encode(&packet, &mut frame).unwrap();
+        let framed = serial::encode(encoded, &mut frame).unwrap();
         prop_assert_eq!(framed.iter().filter(|&&b| b == 0).count(), 1);
         let mut decoder = serial::Decoder::new();
         let mut seen = 0;
@@ -351,7 +351,8 @@ proptest! {
     fn a_damaged_serial_frame_costs_only_itself((bytes, kind) in any_message(), at: prop::sample::Index, flip in 1u8..) {
         let packet = Sequencer::new(0).wrap(BridgeTime(1), message_of(&bytes, kind));
         let mut frame = [0; serial::MAX_FRAME];
-        let good = serial::encode(&packet, &mut frame).unwrap().to_vec();
+        let mut buffer = [0; MAX_PACKET];
+        let good = serial::encode(packet.encode(&mut buffer).unwrap(), &mut frame).unwrap().to_vec();
         let mut bad = good.clone();
         let index = at.index(good.len() - 1);
         bad[index] ^= flip;
