@@ -8,5 +8,7 @@
 //! * [`npz`], [`atomic`]: results in files that are whole or not there.
 
 pub mod atomic;
+pub mod datagrams;
 pub mod npz;
 pub mod recording;
+pub mod samples;
