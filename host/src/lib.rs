@@ -10,5 +10,6 @@
 pub mod atomic;
 pub mod datagrams;
 pub mod npz;
+pub mod reads;
 pub mod recording;
 pub mod samples;
