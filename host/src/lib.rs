@@ -10,6 +10,7 @@
 pub mod atomic;
 pub mod datagrams;
 pub mod npz;
+pub mod phase;
 pub mod reads;
 pub mod recording;
 pub mod samples;
