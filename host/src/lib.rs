@@ -1,1 +1,16 @@
-//! host
+//! Host side of RF-HOI as a library: what the `rfhoi` command is made of.
+//!
+//! * [`recording`]: `.pcap` recordings of radar, reader and bridge, read as a stream and written byte for byte the same.
+//! * [`samples`], [`datagrams`]: raw ADC files as the radar's byte stream, cut into DCA1000 datagrams.
+//! * [`reads`]: tables of tag reads.
+//! * [`phase`]: from tag phases to phase differences that mean something, with honest figures.
+//! * [`plot`]: pictures of maps and of series.
+//! * [`npz`], [`atomic`]: results in files that are whole or not there.
+
+pub mod atomic;
+pub mod datagrams;
+pub mod npz;
+pub mod phase;
+pub mod reads;
+pub mod recording;
+pub mod samples;
