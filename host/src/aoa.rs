@@ -29,7 +29,7 @@ impl Bartlett {
         let antennas = virtual_antennas(profile)?;
         let first = antennas.first()?.position;
         let has_elevation = antennas.iter().any(|a| a.position.elevation != first.elevation);
-        let azimuth_deg = Array1::linspace(-60.0, 60.0, points);
+        let azimuth_deg = Array1::<f32>::linspace(-60.0, 60.0, points);
         let elevation_deg = if has_elevation { azimuth_deg.clone() } else { Array1::zeros(1) };
         let mut steering = Vec::with_capacity(elevation_deg.len() * points * antennas.len());
         for &elevation in &elevation_deg {

@@ -7,10 +7,16 @@
 //! * [`plot`]: pictures of maps and of series.
 //! * [`npz`], [`atomic`]: results in files that are whole or not there.
 
+pub mod aoa;
 pub mod atomic;
 pub mod datagrams;
+pub mod detect;
+pub mod inspect;
 pub mod npz;
 pub mod phase;
+pub mod profile;
 pub mod reads;
+pub mod receive;
 pub mod recording;
 pub mod samples;
+pub mod uart_log;

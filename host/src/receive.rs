@@ -221,7 +221,8 @@ impl Receiver {
                 }
             }
             Message::Covariance(covariance) => {
-                self.frame_of(covariance.frame, header.time).covariance = Some(covariance);
+                let frame = self.frame_of(covariance.frame, header.time);
+                frame.covariance = Some(covariance);
             }
             Message::Points(points) => {
                 self.frame_of(points.frame, header.time).points.extend(points.points);
