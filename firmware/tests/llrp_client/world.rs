@@ -53,6 +53,8 @@ pub(super) struct World {
     pub(super) acks: Vec<u32>,
     /// Bytes that the reader sent since it took the connection.
     pub(super) sent: u64,
+    /// Bytes of that stream that arrive changed: place, and the bits that differ.
+    pub(super) corrupt: Vec<(u64, u8)>,
 }
 
 impl World {
@@ -71,6 +73,7 @@ impl World {
             requests: Vec::new(),
             acks: Vec::new(),
             sent: 0,
+            corrupt: Vec::new(),
         }
     }
 
@@ -118,8 +121,14 @@ impl World {
 
     /// The reader's bytes reach the client; returns what it sends.
     pub(super) fn deliver(&mut self, bytes: &[u8]) -> Vec<u8> {
+        let mut bytes = bytes.to_vec();
+        for &(place, bits) in &self.corrupt {
+            if let Some(byte) = place.checked_sub(self.sent).and_then(|at| bytes.get_mut(at as usize)) {
+                *byte ^= bits;
+            }
+        }
         self.sent += bytes.len() as u64;
-        self.act(|c, now, out| c.received(now, bytes, out))
+        self.act(|c, now, out| c.received(now, &bytes, out))
     }
 
     pub(super) fn receive(&mut self, bytes: &[u8]) {
