@@ -9,7 +9,7 @@ use rfhoi_firmware::llrp::client::MAX_MESSAGE_BYTES;
 use rfhoi_firmware::llrp::decode::Incoming;
 use rfhoi_firmware::llrp::event::{ConnectionAttempt, Event, EventNotification};
 use rfhoi_firmware::llrp::frame::Framer;
-use rfhoi_firmware::llrp::message::{IMPINJ, Message, MessageType};
+use rfhoi_firmware::llrp::message::{IMPINJ, Message, MessageType, ParameterType};
 use rfhoi_firmware::llrp::report::{TagReport, TagReports};
 use rfhoi_firmware::llrp::request::TransmitChannel;
 use rfhoi_firmware::llrp::status::StatusCode;
@@ -52,20 +52,18 @@ fn count(messages: &[(MessageType, u32, Vec<u8>)]) -> BTreeMap<u16, usize> {
     counts
 }
 
-/// Decodes all that a reader sends; returns tag reports and events that are of no use here.
-fn decode_all(messages: &[(MessageType, u32, Vec<u8>)]) -> (Vec<TagReport<'_>>, usize) {
-    let (mut reports, mut others) = (Vec::new(), 0);
+/// Decodes all that a reader sends; returns tag reports and events.
+fn decode_all(messages: &[(MessageType, u32, Vec<u8>)]) -> (Vec<TagReport<'_>>, Vec<Event<'_>>) {
+    let (mut reports, mut events) = (Vec::new(), Vec::new());
     for (kind, id, body) in messages {
         match Incoming::decode(&Message { kind: *kind, id: *id, body }) {
             Ok(Incoming::Reports(walk)) => reports.extend(walk.map(|r| r.unwrap())),
-            Ok(Incoming::Events(walk)) => {
-                others += walk.filter(|e| matches!(e.unwrap(), Event::Other(_))).count();
-            }
+            Ok(Incoming::Events(walk)) => events.extend(walk.map(|e| e.unwrap())),
             Ok(_) => {}
             Err(error) => panic!("{kind} {id}: {error}"),
         }
     }
-    (reports, others)
+    (reports, events)
 }
 
 /// Text of the first innermost element of this name.
@@ -116,8 +114,16 @@ fn a_whole_session() {
     assert_eq!(messages.len(), 934);
     let counts = count(&messages);
     assert_eq!((counts[&61], counts[&63]), (3, 891));
-    let (reports, others) = decode_all(&messages);
-    assert_eq!((reports.len(), others), (130, 1), "one event is none of ours (an AISpec's)");
+    let (reports, events) = decode_all(&messages);
+    assert_eq!(reports.len(), 130);
+    let events = |of: fn(&Event<'_>) -> bool| events.iter().filter(|e| of(e)).count();
+    assert_eq!(events(|e| matches!(e, Event::Hopping { .. })), 884);
+    assert_eq!(events(|e| matches!(e, Event::RoSpec { .. })), 2);
+    assert_eq!(events(|e| matches!(e, Event::ConnectionAttempt(_))), 1);
+    const GPI: ParameterType = ParameterType::Tlv(248);
+    const AI_SPEC: ParameterType = ParameterType::Tlv(254);
+    assert_eq!(events(|e| matches!(e, Event::Other(GPI))), 1);
+    assert_eq!(events(|e| matches!(e, Event::Other(AI_SPEC))), 3);
     compare_with_xml("dx101_a.xml", &reports);
     let (kind, id, body) = &messages[1];
     assert_eq!((*kind, *id, body.as_slice()), (MessageType::SET_READER_CONFIG, 101, &[0x80][..]));
@@ -138,9 +144,9 @@ fn custom_parameters_everywhere() {
     let Some(messages) = messages("dx101_e.bin", 100) else { return };
     let counts = count(&messages);
     assert_eq!((counts[&61], counts[&63], counts[&1023]), (75, 275, 50));
-    let (reports, _) = decode_all(&messages);
-    eprintln!("dx101_e: {} messages, {} tag reports", messages.len(), reports.len());
-    assert!(!reports.is_empty());
+    let (reports, events) = decode_all(&messages);
+    assert_eq!((messages.len(), reports.len()), (750, 237));
+    assert!(events.len() >= counts[&63], "no notification is without an event");
 }
 
 #[test]

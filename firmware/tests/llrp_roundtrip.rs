@@ -81,6 +81,8 @@ fn event() -> impl Strategy<Value = Event<'static>> {
 }
 
 proptest! {
+    #![proptest_config(ProptestConfig { failure_persistence: None, ..ProptestConfig::default() })]
+
     #[test]
     fn reports(reports in proptest::collection::vec(report(&EPC), 0..20)) {
         let mut buffer = [0; 20 * MAX_REPORT_BYTES];

@@ -221,8 +221,11 @@ mod tests {
         bytes
     }
 
-    /// Messages of `stream` cut at `cuts`, and how it ended.
-    fn frame(stream: &[u8], cuts: &[usize]) -> (Vec<(u16, u32, Vec<u8>)>, u32, Option<FrameError>) {
+    /// Type, ID and body.
+    type Owned = (u16, u32, Vec<u8>);
+
+    /// Messages of `stream` cut at `cuts`, how many were too long, and how it ended.
+    fn frame(stream: &[u8], cuts: &[usize]) -> (Vec<Owned>, u32, Option<FrameError>) {
         let mut framer = Framer::<N>::new();
         let mut messages = Vec::new();
         let mut rest = stream;

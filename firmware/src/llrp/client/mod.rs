@@ -5,13 +5,14 @@
 //!   IMPINJ_ENABLE_EXTENSIONS    refused: go on without phase
 //!   GET_READER_CAPABILITIES     hop table out
 //!   SET_READER_CONFIG           events, keepalive, no holding; Impinj: link monitor, low latency
-//!   DELETE_ACCESSSPEC 0, DELETE_ROSPEC 0
+//!   DELETE_ACCESSSPEC 0, DELETE_ROSPEC 0     refused: go on, there may be none
 //!   ADD_ROSPEC, ENABLE_ROSPEC, ENABLE_EVENTS_AND_REPORTS, START_ROSPEC
 //! -> reads out, KEEPALIVEs answered
 //! ```
 //!
 //! One request is under way at a time and each has a time limit. A refusal is told with the reader's code and what was
-//! asked, then the link is given up: a reader that ignored a setting would otherwise send reads that look right.
+//! asked; other than in the cases above, the link is then given up: a reader that ignored a setting would otherwise send
+//! reads that look right.
 //! `ENABLE_EVENTS_AND_REPORTS` comes before the start so that what the reader held for an earlier client arrives
 //! first, where it is recognised and dropped. Whatever ends a link, the client closes it, waits and tries again, until
 //! [`Client::stop`], which ends the reader's session in order so that it does not block the next client.
@@ -19,6 +20,7 @@
 mod backoff;
 mod outcome;
 mod session;
+mod step;
 
 use rfhoi_shared::config::ReaderConfig;
 use rfhoi_shared::units::BridgeTime;

@@ -8,6 +8,7 @@ use rfhoi_shared::wire::ReaderState;
 use super::Sink;
 use super::backoff::Backoff;
 use super::outcome::{Counts, Loss, Notice, Output, Rejection, text};
+use super::step::Step;
 use crate::llrp::capabilities::Capabilities;
 use crate::llrp::clock::ReaderClock;
 use crate::llrp::decode::Incoming;
@@ -41,47 +42,6 @@ const EVENTS: [(EventType, bool); 6] = [
     (EventType::AiSpec, false),
     (EventType::Antenna, true),
 ];
-
-/// Requests in the order in which they are sent.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum Step {
-    Extensions,
-    Capabilities,
-    Settings,
-    DeleteAccessSpecs,
-    DeleteRoSpecs,
-    AddRoSpec,
-    EnableRoSpec,
-    StartRoSpec,
-}
-
-impl Step {
-    fn request(self) -> MessageType {
-        match self {
-            Self::Extensions => MessageType::CUSTOM_MESSAGE,
-            Self::Capabilities => MessageType::GET_READER_CAPABILITIES,
-            Self::Settings => MessageType::SET_READER_CONFIG,
-            Self::DeleteAccessSpecs => MessageType::DELETE_ACCESSSPEC,
-            Self::DeleteRoSpecs => MessageType::DELETE_ROSPEC,
-            Self::AddRoSpec => MessageType::ADD_ROSPEC,
-            Self::EnableRoSpec => MessageType::ENABLE_ROSPEC,
-            Self::StartRoSpec => MessageType::START_ROSPEC,
-        }
-    }
-
-    fn next(self) -> Option<Self> {
-        Some(match self {
-            Self::Extensions => Self::Capabilities,
-            Self::Capabilities => Self::Settings,
-            Self::Settings => Self::DeleteAccessSpecs,
-            Self::DeleteAccessSpecs => Self::DeleteRoSpecs,
-            Self::DeleteRoSpecs => Self::AddRoSpec,
-            Self::AddRoSpec => Self::EnableRoSpec,
-            Self::EnableRoSpec => Self::StartRoSpec,
-            Self::StartRoSpec => return None,
-        })
-    }
-}
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Phase {
@@ -345,6 +305,7 @@ impl Session {
             }
             Step::DeleteAccessSpecs => self.send(out, |b, id| request::delete_accessspec(b, id, ALL_SPECS)),
             Step::DeleteRoSpecs => self.send(out, |b, id| request::delete_rospec(b, id, ALL_SPECS)),
+            Step::DeleteOwnRoSpec => self.send(out, |b, id| request::delete_rospec(b, id, ROSPEC_ID)),
             Step::AddRoSpec => {
                 let config = self.config.clone();
                 self.send(out, |b, id| request::add_rospec(b, id, &config, channel, impinj))
@@ -436,9 +397,10 @@ impl Session {
         out(Output::Notice(Notice::Rejected(Rejection::new(step.request(), status))));
         if step == Step::Extensions {
             out(Output::Notice(Notice::NoExtensions));
-            self.ask(now, Step::Capabilities, out);
-        } else {
-            self.lose(now, Loss::Rejected(step.request()), out);
+        }
+        match step.after_refusal() {
+            Some(next) => self.ask(now, next, out),
+            None => self.lose(now, Loss::Rejected(step.request()), out),
         }
     }
 
@@ -454,7 +416,7 @@ impl Session {
             },
             _ => {}
         }
-        match step.next() {
+        match step.after_success() {
             Some(next) => self.ask(now, next, out),
             None => {
                 self.phase = Phase::Reading { since: now, heard: now };
@@ -496,7 +458,7 @@ impl Session {
         match event {
             Event::ConnectionAttempt(ConnectionAttempt::Success) if greeting => {
                 self.set_state(ReaderState::Configuring, out);
-                self.ask(now, Step::Extensions, out);
+                self.ask(now, Step::FIRST, out);
             }
             Event::ConnectionAttempt(refused) if greeting => self.lose(now, Loss::Refused(refused), out),
             Event::ConnectionAttempt(ConnectionAttempt::AnotherAttempted) => {

@@ -1,216 +1,24 @@
 //! The client against a simulated reader, over virtual time.
 
-use rfhoi_firmware::llrp::client::{Client, Counts, Loss, Notice, Output};
+mod world;
+
+use MessageType as M;
+use proptest::prelude::*;
+use rfhoi_firmware::llrp::client::{Loss, Notice};
 use rfhoi_firmware::llrp::event::{ConnectionAttempt, Event, RoSpecChange};
-use rfhoi_firmware::llrp::frame::{FrameError, Framer, HeaderFault};
-use rfhoi_firmware::llrp::message::{IMPINJ, MessageType};
-use rfhoi_firmware::llrp::reader_side::{self, ReaderModel, Responder};
+use rfhoi_firmware::llrp::frame::{FrameError, HeaderFault};
+use rfhoi_firmware::llrp::message::MessageType;
+use rfhoi_firmware::llrp::reader_side::{self, ReaderModel};
 use rfhoi_firmware::llrp::report::TagReport;
 use rfhoi_firmware::llrp::request::ROSPEC_ID;
 use rfhoi_firmware::llrp::status::StatusCode;
-use rfhoi_shared::config::ReaderConfig;
-use rfhoi_shared::scene::Scene;
-use rfhoi_shared::tag::TagRead;
+use rfhoi_shared::tag::{Epc, TagRead};
 use rfhoi_shared::units::{
-    AntennaPort, BridgeTime, CentiDbm, ChannelIndex, DopplerCode, Kilohertz, PhaseCode, ReaderTime,
+    AntennaPort, BridgeTime, CentiDbm, ChannelIndex, DopplerCode, Kilohertz, PhaseCode,
 };
 use rfhoi_shared::wire::{HopTable, ReaderState};
 
-const UTC: u64 = 1_700_000_000_000_000;
-const SECOND: u64 = 1_000_000;
-const EPC: [u8; 12] = [0xE2; 12];
-const CHANNELS: [Kilohertz; 3] = [Kilohertz(902_750), Kilohertz(903_250), Kilohertz(903_750)];
-
-const IMPINJ_READER: ReaderModel<'static> = ReaderModel {
-    antennas: 4,
-    model: [IMPINJ, 2_001_002],
-    firmware: "5.14.0.240",
-    powers: &[CentiDbm(1000), CentiDbm(3000)],
-    hop_table: Some(1),
-    channels: &CHANNELS,
-};
-const OTHER_READER: ReaderModel<'static> = ReaderModel { model: [1, 1], ..IMPINJ_READER };
-
-/// What the client said, with owned bytes.
-#[derive(Debug, Clone, PartialEq)]
-enum Said {
-    Connect,
-    Close,
-    Read(TagRead),
-    HopTable(HopTable),
-    State(ReaderState),
-    Notice(Notice),
-}
-
-/// A client and a reader, and the time.
-struct World {
-    client: Client,
-    reader: Responder<'static>,
-    greeting: Option<ConnectionAttempt>,
-    /// A request of this type is never answered.
-    deaf_to: Option<MessageType>,
-    now: BridgeTime,
-    said: Vec<Said>,
-    requests: Vec<MessageType>,
-    acks: Vec<u32>,
-}
-
-impl World {
-    fn new(model: ReaderModel<'static>) -> Self {
-        let config = ReaderConfig {
-            antennas: [AntennaPort(1)].into_iter().collect(),
-            ..ReaderConfig::for_scene([192, 168, 1, 2], &Scene::default())
-        };
-        Self {
-            client: Client::new(config, 42),
-            reader: Responder { model, refuses: None },
-            greeting: Some(ConnectionAttempt::Success),
-            deaf_to: None,
-            now: BridgeTime(SECOND),
-            said: Vec::new(),
-            requests: Vec::new(),
-            acks: Vec::new(),
-        }
-    }
-
-    /// Lets the client do something, and returns the bytes that it sent.
-    fn act(&mut self, act: impl FnOnce(&mut Client, BridgeTime, &mut dyn FnMut(Output<'_>))) -> Vec<u8> {
-        let mut sent = Vec::new();
-        act(&mut self.client, self.now, &mut |output| {
-            self.said.push(match output {
-                Output::Send(bytes) => return sent.extend(bytes),
-                Output::Connect(_) => Said::Connect,
-                Output::Close => Said::Close,
-                Output::Read(read) => Said::Read(read),
-                Output::HopTable(table) => Said::HopTable(table.clone()),
-                Output::State(state) => Said::State(state),
-                Output::Notice(notice) => Said::Notice(notice),
-            });
-        });
-        sent
-    }
-
-    /// Answers requests until there are no more.
-    fn converse(&mut self, mut sent: Vec<u8>) {
-        while !sent.is_empty() {
-            let mut answers = Vec::new();
-            let mut framer = Framer::<1024>::new();
-            let mut chunk = sent.as_slice();
-            while let Some(request) = framer.next(&mut chunk).unwrap() {
-                self.requests.push(request.kind);
-                if request.kind == MessageType::KEEPALIVE_ACK {
-                    self.acks.push(request.id);
-                }
-                let mut buffer = [0; 1024];
-                if self.deaf_to != Some(request.kind)
-                    && let Some(answer) = self.reader.answer(&mut buffer, &request)
-                {
-                    answers.extend(answer.unwrap());
-                }
-            }
-            sent = self.act(|c, now, out| c.received(now, &answers, out));
-        }
-    }
-
-    fn receive(&mut self, bytes: &[u8]) {
-        let sent = self.act(|c, now, out| c.received(now, bytes, out));
-        self.converse(sent);
-    }
-
-    fn event(&mut self, event: Event<'_>) {
-        let mut buffer = [0; 256];
-        let time = ReaderTime(UTC + self.now.0);
-        let bytes = reader_side::event_notification(&mut buffer, 0, time, [event]).unwrap();
-        self.receive(bytes);
-    }
-
-    /// Does what is due at the client's deadline.
-    fn tick(&mut self) {
-        self.now = self.client.deadline().expect("something is due").max(self.now);
-        let sent = self.act(|c, now, out| c.tick(now, out));
-        self.converse(sent);
-    }
-
-    /// The reader takes the connection that was asked for.
-    fn connect(&mut self) {
-        let sent = self.act(|c, now, out| c.connected(now, out));
-        assert!(sent.is_empty(), "the reader speaks first");
-        if let Some(outcome) = self.greeting {
-            let mut buffer = [0; 64];
-            let bytes = self.reader.greeting(&mut buffer, ReaderTime(UTC + self.now.0), outcome).unwrap();
-            self.receive(bytes);
-        }
-    }
-
-    fn start(&mut self) {
-        self.act(|c, now, out| c.start(now, out));
-        assert_eq!(self.said.last(), Some(&Said::Connect));
-        self.connect();
-    }
-
-    fn reading(model: ReaderModel<'static>) -> Self {
-        let mut world = Self::new(model);
-        world.start();
-        assert_eq!(world.client.state(), ReaderState::Reading, "{:?}", world.said);
-        world.said.clear();
-        world.requests.clear();
-        world
-    }
-
-    fn report(&mut self, report: &TagReport<'_>) {
-        let bytes = report_bytes(report);
-        self.receive(&bytes);
-    }
-
-    fn keepalive(&mut self, id: u32) {
-        let mut buffer = [0; 16];
-        let bytes = reader_side::keepalive(&mut buffer, id).unwrap();
-        self.receive(bytes);
-    }
-
-    fn losses(&self) -> Vec<Loss> {
-        self.said
-            .iter()
-            .filter_map(|s| if let Said::Notice(Notice::Lost(l)) = s { Some(*l) } else { None })
-            .collect()
-    }
-
-    fn notices(&self) -> Vec<&Notice> {
-        self.said.iter().filter_map(|s| if let Said::Notice(n) = s { Some(n) } else { None }).collect()
-    }
-
-    fn reads(&self) -> Vec<&TagRead> {
-        self.said.iter().filter_map(|s| if let Said::Read(r) = s { Some(r) } else { None }).collect()
-    }
-
-    fn counts(&self) -> Counts {
-        self.client.counts()
-    }
-}
-
-fn report_bytes(report: &TagReport<'_>) -> Vec<u8> {
-    let mut buffer = [0; reader_side::MAX_REPORT_BYTES + 64];
-    reader_side::ro_access_report(&mut buffer, 0, [report]).unwrap().to_vec()
-}
-
-/// A read of the reader at `now`.
-fn read_at(now: BridgeTime) -> TagReport<'static> {
-    TagReport {
-        epc: &EPC,
-        antenna: Some(AntennaPort(1)),
-        peak_rssi_dbm: Some(-53),
-        channel: Some(ChannelIndex(2)),
-        first_seen_utc: Some(ReaderTime(UTC + now.0)),
-        last_seen_utc: Some(ReaderTime(UTC + now.0)),
-        count: Some(1),
-        phase: Some(PhaseCode(2608)),
-        peak_rssi: Some(CentiDbm(-5310)),
-        doppler: Some(DopplerCode(-40)),
-        ..TagReport::default()
-    }
-}
-
-use MessageType as M;
+use world::{CHANNELS, EPC, IMPINJ_READER, OTHER_READER, SECOND, Said, World, read_at, report_bytes};
 
 const SETUP: [MessageType; 9] = [
     M::CUSTOM_MESSAGE,
@@ -246,7 +54,7 @@ fn from_start_to_read() {
     world.report(&read_at(seen));
     let read = TagRead {
         time: seen.after(100),
-        epc: rfhoi_shared::tag::Epc::new(&EPC).unwrap(),
+        epc: Epc::new(&EPC).unwrap(),
         antenna: AntennaPort(1),
         channel: ChannelIndex(2),
         phase: Some(PhaseCode(2608)),
@@ -286,27 +94,30 @@ fn an_impinj_reader_that_leaves_the_phase_out_is_counted() {
 }
 
 #[test]
-fn every_refusal_is_told_and_ends_the_link() {
+fn every_refusal_is_told() {
     for request in SETUP {
-        let Some(response) = request.response() else { continue };
+        if request == M::ENABLE_EVENTS_AND_REPORTS {
+            continue; // has no response
+        }
         let mut world = World::new(IMPINJ_READER);
         world.reader.refuses = Some((request, StatusCode::FIELD_ERROR));
         world.start();
-        let [Notice::Rejected(rejection), Notice::Lost(loss)] =
-            world.notices().into_iter().filter(|n| !matches!(n, Notice::NoChannels)).collect::<Vec<_>>()[..]
-        else {
+        let Some(Notice::Rejected(rejection)) = world.notices().first().copied() else {
             panic!("{request}: {:?}", world.notices());
         };
         assert_eq!((rejection.request, rejection.code), (request, StatusCode::FIELD_ERROR));
-        assert_eq!(
-            rejection.to_string(),
-            format!("the reader refused {request} with M_FieldError: refused"),
-            "{response}"
+        assert!(
+            rejection.to_string().starts_with(&format!("the reader refused {request} with M_FieldError"))
         );
-        assert_eq!(*loss, Loss::Rejected(request));
-        assert_eq!(world.requests.last(), Some(&M::CLOSE_CONNECTION), "the session is not left behind");
-        assert_eq!(world.client.state(), ReaderState::Waiting);
-        assert_eq!(world.counts().rejected, 1);
+        assert!(world.counts().rejected > 0);
+        if matches!(request, M::CUSTOM_MESSAGE | M::DELETE_ACCESSSPEC | M::DELETE_ROSPEC) {
+            assert_eq!(world.client.state(), ReaderState::Reading, "{request}");
+            assert!(world.losses().is_empty());
+        } else {
+            assert_eq!(world.client.state(), ReaderState::Waiting, "{request}");
+            assert_eq!(world.losses(), [Loss::Rejected(request)]);
+            assert_eq!(world.requests.last(), Some(&M::CLOSE_CONNECTION), "the session is not left behind");
+        }
     }
 }
 
@@ -439,11 +250,9 @@ fn a_reader_that_vanishes_within_a_report_leaves_nothing_behind() {
 #[test]
 fn garbage_closes_the_link_and_says_where() {
     let mut world = World::reading(IMPINJ_READER);
+    let error = FrameError { offset: world.sent, fault: HeaderFault::Version(2) };
     world.receive(b"HTTP/1.1 400 Bad Request\r\n\r\n");
-    let [Loss::Framing(FrameError { offset, fault: HeaderFault::Version(2) })] = world.losses()[..] else {
-        panic!("{:?}", world.losses());
-    };
-    assert!(offset > 300, "after greeting and responses: {offset}");
+    assert_eq!(world.losses(), [Loss::Framing(error)]);
     assert_eq!(world.client.state(), ReaderState::Waiting);
 }
 
@@ -596,5 +405,38 @@ fn chunks_of_any_size_make_the_same_session() {
             world.receive(chunk);
         }
         assert_eq!(world.reads().len(), 20);
+    }
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { failure_persistence: None, ..ProptestConfig::default() })]
+
+    #[test]
+    fn corrupted_streams_are_recovered_from(
+        corrupt in proptest::collection::vec((0..700_u64, 1..=u8::MAX), 1..5)
+    ) {
+        let mut world = World::new(IMPINJ_READER);
+        world.corrupt = corrupt;
+        world.start();
+        for _ in 0..5 {
+            if world.client.state() == ReaderState::Reading {
+                world.report(&read_at(world.now));
+            }
+        }
+        world.corrupt.clear();
+        // Where a changed length makes the client wait for bytes that never come, its time limits end that.
+        world.tick();
+        for _ in 0..4 {
+            if world.client.state() == ReaderState::Connecting {
+                world.connect();
+            }
+            if world.client.state() != ReaderState::Reading {
+                world.tick();
+            }
+        }
+        prop_assert_eq!(world.client.state(), ReaderState::Reading);
+        let before = world.reads().len();
+        world.report(&read_at(world.now));
+        prop_assert_eq!(world.reads().len(), before + 1);
     }
 }
