@@ -2,7 +2,13 @@
 //!
 //! * [`RadarPath`]: the DCA1000EVM's datagrams to maps and covariance. Its halves, [`Capture`] (as chirps arrive) and
 //!   [`Mapping`] (when a frame is complete), can be run apart on two cubes.
+//! * [`UartPath`]: the SDK demo's TLV frames to maps and points.
+//! * [`ReaderPath`]: the reader's TCP connection to tag reads.
 
 mod radar;
+mod reader;
+mod uart;
 
 pub use radar::{Capture, FrameDone, Mapping, RadarPath};
+pub use reader::{ReaderAction, ReaderInput, ReaderPath};
+pub use uart::{UART_SCALE, UartPath};
