@@ -11,6 +11,7 @@ pub mod atomic;
 pub mod datagrams;
 pub mod npz;
 pub mod phase;
+pub mod plot;
 pub mod reads;
 pub mod recording;
 pub mod samples;
