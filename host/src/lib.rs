@@ -14,6 +14,7 @@ pub mod detect;
 pub mod inspect;
 pub mod npz;
 pub mod phase;
+pub mod plot;
 pub mod profile;
 pub mod reads;
 pub mod receive;

@@ -101,7 +101,7 @@ impl Writer {
             // No time and no operating system, so that the same packets give the same file.
             const UNKNOWN_OS: u8 = 255;
             let builder = GzBuilder::new().mtime(0).operating_system(UNKNOWN_OS);
-            Output::Gzip(builder.write(file, Compression::default()))
+            Output::Gzip(Box::new(builder.write(file, Compression::default())))
         } else {
             Output::Plain(file)
         };
@@ -264,7 +264,7 @@ impl Writer {
 
 enum Output {
     Plain(AtomicFile),
-    Gzip(GzEncoder<AtomicFile>),
+    Gzip(Box<GzEncoder<AtomicFile>>),
 }
 
 impl Write for Output {

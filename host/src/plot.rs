@@ -1,0 +1,162 @@
+//! Pictures of maps and of series, as PNG files.
+//!
+//! In: a [`Figure`] of panels in a grid, each a [`Heatmap`] (values over two axes, with a colour bar) or [`Lines`] (series
+//! over one axis). Out: a PNG file that appears whole. Every axis and colour bar has its unit; missing values are
+//! hatched; a map with more cells than pixels is reduced by maximum or mean, so that nothing is left out by chance.
+//! Fonts come with the program, so that pictures look the same everywhere.
+
+mod axis;
+mod canvas;
+mod colour;
+mod heatmap;
+mod lines;
+
+use std::path::{Path, PathBuf};
+
+pub use axis::Axis;
+pub use heatmap::{ColourScale, Heatmap, Reduce};
+pub use lines::{Lines, Marks, Series, Style};
+
+use crate::atomic::{AtomicFile, WriteError};
+use canvas::{Anchor, Area, Canvas, Drawn, INK};
+
+/// Height of the figure's title and the size of its letters, pixels.
+const TITLE: i32 = 46;
+const TITLE_LETTERS: f64 = 25.0;
+/// Largest width or height of a picture, pixels.
+const LARGEST: u32 = 4_096;
+
+/// Why there is no picture.
+#[derive(Debug, thiserror::Error)]
+pub enum PlotError {
+    /// The file.
+    #[error(transparent)]
+    File(#[from] WriteError),
+    /// Drawing or encoding.
+    #[error("cannot draw {path}: {reason}")]
+    Draw {
+        /// The file.
+        path: PathBuf,
+        /// What the drawing library said.
+        reason: String,
+    },
+    /// No panel, or a size that cannot be drawn.
+    #[error(
+        "{path}: {panels} panels of {width} x {height} pixels cannot be drawn: \
+         need one panel or more, each 240 x 160 or more, and a picture of at most {LARGEST} pixels either way"
+    )]
+    Size {
+        /// The file.
+        path: PathBuf,
+        /// Number of panels.
+        panels: usize,
+        /// Width of a panel.
+        width: u32,
+        /// Height of a panel.
+        height: u32,
+    },
+}
+
+/// One picture in a figure.
+#[derive(Debug, Clone)]
+pub enum Panel {
+    /// Values over two axes.
+    Heatmap(Heatmap),
+    /// Series over one axis.
+    Lines(Lines),
+}
+
+/// Panels in a grid.
+///
+/// ```
+/// # let directory = tempfile::tempdir().unwrap();
+/// # let path = directory.path().join("map.png");
+/// use ndarray::Array2;
+/// use rfhoi::plot::{Axis, ColourScale, Figure, Heatmap, Panel, Reduce};
+///
+/// let map = Heatmap {
+///     title: "Range-Doppler, frame 7".into(),
+///     values: Array2::from_shape_fn((72, 64), |(range, doppler)| (range + doppler) as f32),
+///     x: Axis::new("velocity", "m/s", -4.5, 4.5),
+///     y: Axis::new("range", "m", 0.0, 3.1),
+///     scale: ColourScale::new("power", "dB"),
+///     reduce: Reduce::Max,
+/// };
+/// Figure::new(vec![Panel::Heatmap(map)]).save(&path)?;
+/// # Ok::<(), rfhoi::plot::PlotError>(())
+/// ```
+#[derive(Debug, Clone)]
+pub struct Figure {
+    /// Title above all panels.
+    pub title: Option<String>,
+    /// Panels, row by row.
+    pub panels: Vec<Panel>,
+    /// Panels in a row.
+    pub columns: usize,
+    /// Width of the picture, pixels.
+    pub width: u32,
+    /// Height of each panel, pixels.
+    pub panel_height: u32,
+}
+
+impl Figure {
+    /// A figure 1200 pixels wide: one panel to a row, or two if there are more than one.
+    pub fn new(panels: Vec<Panel>) -> Self {
+        let columns = panels.len().clamp(1, 2);
+        Self {
+            title: None,
+            panels,
+            columns,
+            width: 1_200,
+            panel_height: if columns == 1 { 600 } else { 460 },
+        }
+    }
+
+    /// Draws the figure and puts it at `path`, which should end in `.png`.
+    ///
+    /// # Errors
+    /// Any [`PlotError`].
+    pub fn save(&self, path: impl AsRef<Path>) -> Result<(), PlotError> {
+        let path = path.as_ref();
+        let columns = self.columns.clamp(1, self.panels.len().max(1)) as u32;
+        let rows = self.panels.len().div_ceil(columns as usize) as u32;
+        let (width, height) = (self.width / columns, self.panel_height);
+        let title = if self.title.is_some() { TITLE } else { 0 };
+        let total = u64::from(rows) * u64::from(height) + title as u64;
+        if rows == 0 || width < 240 || height < 160 || self.width > LARGEST || total > u64::from(LARGEST) {
+            return Err(PlotError::Size {
+                path: path.to_path_buf(),
+                panels: self.panels.len(),
+                width,
+                height,
+            });
+        }
+        let draw_error = |reason: String| PlotError::Draw { path: path.to_path_buf(), reason };
+        let mut canvas = Canvas::new(self.width as i32, total as i32);
+        self.draw(&mut canvas, columns as i32, width as i32, title).map_err(|e| draw_error(e.to_string()))?;
+        let file = AtomicFile::create(path)?;
+        canvas.save(file.temporary()).map_err(|e| draw_error(e.to_string()))?;
+        Ok(file.commit()?)
+    }
+
+    fn draw(&self, canvas: &mut Canvas, columns: i32, width: i32, title: i32) -> Drawn {
+        if let Some(text) = &self.title {
+            let text = canvas.shortened(text, TITLE_LETTERS, self.width as i32 - 40)?;
+            let middle = (f64::from(self.width) / 2.0, f64::from(title) / 2.0 + 4.0);
+            canvas.text(&text, TITLE_LETTERS, middle, Anchor::Middle, INK)?;
+        }
+        let height = self.panel_height as i32;
+        for (number, panel) in (0..).zip(&self.panels) {
+            let (row, column) = (number / columns, number % columns);
+            let area = Area { left: column * width, top: title + row * height, width, height };
+            match panel {
+                Panel::Heatmap(map) => map.draw(canvas, area)?,
+                Panel::Lines(lines) => lines.draw(canvas, area)?,
+            }
+        }
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests;

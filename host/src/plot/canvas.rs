@@ -1,0 +1,264 @@
+//! What panels draw on: pixels, lines, markers and text, in the picture's pixels from its upper left corner.
+//!
+//! Everything is drawn at [`SCALE`] times the size and averaged down, so that letters and thin lines come out even.
+
+use std::path::Path;
+use std::sync::OnceLock;
+
+use plotters::backend::{BitMapBackend, DrawingBackend};
+use plotters::style::text_anchor::{HPos, Pos, VPos};
+use plotters::style::{
+    Color, FontDesc, FontFamily, FontStyle, FontTransform, RGBColor, ShapeStyle, TextStyle, register_font,
+};
+
+/// Oversampling in each direction.
+const SCALE: i32 = 3;
+/// How far the font's letters lie above the middle of their line, of its height.
+const RISE: f64 = 0.12;
+/// Bytes of a pixel.
+const CHANNELS: usize = 3;
+const FONT: &str = "rf-hoi";
+
+/// A colour: red, green, blue.
+pub(super) type Rgb = [u8; CHANNELS];
+
+/// Letters.
+pub(super) const INK: Rgb = [24, 24, 24];
+/// Axes and frames.
+pub(super) const FRAME: Rgb = [96, 96, 96];
+/// Grid lines.
+pub(super) const GRID: Rgb = [224, 224, 224];
+
+/// The drawing library's complaint.
+#[derive(Debug, thiserror::Error)]
+#[error("{0}")]
+pub(super) struct Trouble(String);
+
+impl Trouble {
+    fn new(error: impl std::fmt::Display) -> Self {
+        Self(error.to_string())
+    }
+}
+
+/// Outcome of drawing.
+pub(super) type Drawn = Result<(), Trouble>;
+
+/// A place in the picture; pixels, fractions allowed.
+pub(super) type Point = (f64, f64);
+
+/// A rectangle of the picture, pixels.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) struct Area {
+    pub(super) left: i32,
+    pub(super) top: i32,
+    pub(super) width: i32,
+    pub(super) height: i32,
+}
+
+impl Area {
+    /// First column right of it.
+    pub(super) fn right(self) -> i32 {
+        self.left + self.width
+    }
+
+    /// First row below it.
+    pub(super) fn bottom(self) -> i32 {
+        self.top + self.height
+    }
+
+    /// What is left inside these margins; at least one pixel.
+    pub(super) fn inside(self, left: i32, top: i32, right: i32, bottom: i32) -> Self {
+        Self {
+            left: self.left + left,
+            top: self.top + top,
+            width: (self.width - left - right).max(1),
+            height: (self.height - top - bottom).max(1),
+        }
+    }
+
+    /// Middle of it.
+    pub(super) fn middle(self) -> Point {
+        (
+            f64::from(self.left) + f64::from(self.width) / 2.0,
+            f64::from(self.top) + f64::from(self.height) / 2.0,
+        )
+    }
+}
+
+/// Which point of a text lies at the given place.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Anchor {
+    /// Middle of the left edge.
+    Left,
+    /// Middle of the right edge.
+    Right,
+    /// The middle.
+    Middle,
+    /// The middle of a text that runs upwards.
+    MiddleUpwards,
+}
+
+/// Shape of a marker.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Marker {
+    Circle,
+    Square,
+    Triangle,
+    Diamond,
+}
+
+/// The picture.
+pub(super) struct Canvas {
+    pixels: Vec<u8>,
+    width: i32,
+    height: i32,
+}
+
+impl Canvas {
+    /// White paper.
+    pub(super) fn new(width: i32, height: i32) -> Self {
+        let (width, height) = (width.max(1) * SCALE, height.max(1) * SCALE);
+        Self { pixels: vec![255; (width * height) as usize * CHANNELS], width, height }
+    }
+
+    fn backend(&mut self) -> BitMapBackend<'_> {
+        BitMapBackend::with_buffer(&mut self.pixels, (self.width as u32, self.height as u32))
+    }
+
+    /// Fills a rectangle, clipped to the paper.
+    pub(super) fn fill(&mut self, area: Area, colour: Rgb) {
+        self.paint(area, |_, _| colour);
+    }
+
+    /// Gives each pixel of a rectangle the colour that `colour(x, y)` has for it, counted from its upper left corner.
+    pub(super) fn paint(&mut self, area: Area, colour: impl Fn(i32, i32) -> Rgb) {
+        let (paper_width, paper_height) = (self.width / SCALE, self.height / SCALE);
+        for y in area.top.max(0)..area.bottom().min(paper_height) {
+            for x in area.left.max(0)..area.right().min(paper_width) {
+                let colour = colour(x - area.left, y - area.top);
+                for row in 0..SCALE {
+                    let start = ((y * SCALE + row) * self.width + x * SCALE) as usize * CHANNELS;
+                    for pixel in
+                        self.pixels[start..start + SCALE as usize * CHANNELS].chunks_exact_mut(CHANNELS)
+                    {
+                        pixel.copy_from_slice(&colour);
+                    }
+                }
+            }
+        }
+    }
+
+    /// Draws the four sides of a rectangle.
+    pub(super) fn frame(&mut self, area: Area, colour: Rgb) -> Drawn {
+        let (left, top) = (f64::from(area.left), f64::from(area.top));
+        let (right, bottom) = (f64::from(area.right()), f64::from(area.bottom()));
+        self.line(&[(left, top), (right, top), (right, bottom), (left, bottom), (left, top)], colour, 1)
+    }
+
+    /// Draws a line through points, `width` pixels wide.
+    pub(super) fn line(&mut self, points: &[Point], colour: Rgb, width: i32) -> Drawn {
+        let points: Vec<_> = points.iter().map(|&p| scaled(p)).collect();
+        let style = shape(colour, (width * SCALE) as u32);
+        self.backend().draw_path(points, &style).map_err(Trouble::new)
+    }
+
+    /// Draws a filled marker, `radius` pixels from its middle to its edge.
+    pub(super) fn marker(&mut self, marker: Marker, at: Point, radius: f64, colour: Rgb) -> Drawn {
+        let style = shape(colour, 1);
+        let around = |corners: &[Point]| -> Vec<_> {
+            corners.iter().map(|(x, y)| scaled((at.0 + x * radius, at.1 + y * radius))).collect()
+        };
+        let corners = match marker {
+            Marker::Circle => {
+                let radius = (radius * f64::from(SCALE)).round() as u32;
+                return self.backend().draw_circle(scaled(at), radius, &style, true).map_err(Trouble::new);
+            }
+            Marker::Square => around(&[(-0.9, -0.9), (0.9, -0.9), (0.9, 0.9), (-0.9, 0.9)]),
+            Marker::Triangle => around(&[(0.0, -1.2), (1.1, 0.8), (-1.1, 0.8)]),
+            Marker::Diamond => around(&[(0.0, -1.3), (1.3, 0.0), (0.0, 1.3), (-1.3, 0.0)]),
+        };
+        self.backend().fill_polygon(corners, &style).map_err(Trouble::new)
+    }
+
+    /// Writes a text with letters `size` pixels high.
+    pub(super) fn text(&mut self, text: &str, size: f64, at: Point, anchor: Anchor, colour: Rgb) -> Drawn {
+        let horizontal = match anchor {
+            Anchor::Left => HPos::Left,
+            Anchor::Right => HPos::Right,
+            Anchor::Middle | Anchor::MiddleUpwards => HPos::Center,
+        };
+        let (mut font, mut at) = (font(size), at);
+        if anchor == Anchor::MiddleUpwards {
+            font = font.transform(FontTransform::Rotate270);
+            at.0 += RISE * size;
+        } else {
+            at.1 += RISE * size;
+        }
+        let [red, green, blue] = colour;
+        let colour = RGBColor(red, green, blue);
+        let style = TextStyle::from(font).pos(Pos::new(horizontal, VPos::Center)).color(&colour);
+        self.backend().draw_text(text, &style, scaled(at)).map_err(Trouble::new)
+    }
+
+    /// Width of a text, pixels.
+    pub(super) fn text_width(&self, text: &str, size: f64) -> Result<i32, Trouble> {
+        let (width, _) = font(size).box_size(text).map_err(Trouble::new)?;
+        Ok(width as i32 / SCALE)
+    }
+
+    /// `text`, cut with an ellipsis if it is wider than `width`.
+    pub(super) fn shortened(&self, text: &str, size: f64, width: i32) -> Result<String, Trouble> {
+        if self.text_width(text, size)? <= width {
+            return Ok(text.to_owned());
+        }
+        let mut letters: Vec<char> = text.chars().collect();
+        while letters.pop().is_some() {
+            let short = letters.iter().collect::<String>().trim_end().to_owned() + "\u{2026}";
+            if self.text_width(&short, size)? <= width {
+                return Ok(short);
+            }
+        }
+        Ok(String::new())
+    }
+
+    /// Averages the picture down and writes it to `path` in the format of its extension.
+    pub(super) fn save(&self, path: &Path) -> Drawn {
+        let (width, height) = (self.width / SCALE, self.height / SCALE);
+        let mut pixels = Vec::with_capacity((width * height) as usize * CHANNELS);
+        for y in 0..height {
+            for x in 0..width {
+                for channel in 0..CHANNELS {
+                    let part = |n: i32| {
+                        let (row, column) = (y * SCALE + n / SCALE, x * SCALE + n % SCALE);
+                        u32::from(self.pixels[(row * self.width + column) as usize * CHANNELS + channel])
+                    };
+                    let parts = SCALE * SCALE;
+                    pixels.push(((0..parts).map(part).sum::<u32>() / parts as u32) as u8);
+                }
+            }
+        }
+        let size = (width as u32, height as u32);
+        let mut file = BitMapBackend::new(path, size);
+        file.blit_bitmap((0, 0), size, &pixels).map_err(Trouble::new)?;
+        file.present().map_err(Trouble::new)
+    }
+}
+
+fn scaled((x, y): Point) -> (i32, i32) {
+    let scale = f64::from(SCALE);
+    ((x * scale).round() as i32, (y * scale).round() as i32)
+}
+
+fn shape([red, green, blue]: Rgb, width: u32) -> ShapeStyle {
+    RGBColor(red, green, blue).filled().stroke_width(width)
+}
+
+/// The one font, at oversampled size.
+fn font(size: f64) -> FontDesc<'static> {
+    static REGISTERED: OnceLock<()> = OnceLock::new();
+    REGISTERED.get_or_init(|| {
+        // A font that fails to register shows as an error of the first text.
+        let _ = register_font(FONT, FontStyle::Normal, epaint_default_fonts::UBUNTU_LIGHT);
+    });
+    FontDesc::new(FontFamily::Name(FONT), size * f64::from(SCALE), FontStyle::Normal)
+}

@@ -1,0 +1,224 @@
+//! Values over two axes, with a colour bar.
+
+use ndarray::{Array2, ArrayView2, Slice};
+
+use super::axis::{Axis, Frame, LABEL_LETTERS, TICK_LETTERS, TITLE_LETTERS, draw_title};
+use super::canvas::{Anchor, Area, Canvas, Drawn, FRAME, INK, Rgb};
+use super::colour;
+
+/// Margins of a panel, pixels.
+const MARGIN: i32 = 14;
+/// Colour bar: its width, and from the map to it.
+const BAR: i32 = 18;
+const BAR_GAP: i32 = 12;
+/// Width of the swatch that explains the hatching.
+const SWATCH: i32 = 26;
+/// Hatching of missing values: its period in pixels, its stripes and what is between them.
+const HATCH: i32 = 7;
+const STRIPE: Rgb = [176, 176, 176];
+const PALE: Rgb = [236, 236, 236];
+
+/// How cells that share a pixel become one value.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Reduce {
+    /// The largest: keeps targets of one cell. For powers and magnitudes.
+    #[default]
+    Max,
+    /// The mean: keeps the level of noise.
+    Mean,
+}
+
+/// What the colours mean.
+#[derive(Debug, Clone, PartialEq)]
+pub struct ColourScale {
+    /// What is shown.
+    pub label: String,
+    /// Its unit; empty for a bare number.
+    pub unit: String,
+    /// Values of the darkest and the lightest colour; those of the map if `None`.
+    pub range: Option<(f32, f32)>,
+}
+
+impl ColourScale {
+    /// A scale over the values of the map.
+    pub fn new(label: impl Into<String>, unit: impl Into<String>) -> Self {
+        Self { label: label.into(), unit: unit.into(), range: None }
+    }
+
+    /// A scale from `from` to `to`.
+    pub fn with_range(self, from: f32, to: f32) -> Self {
+        Self { range: Some((from, to)), ..self }
+    }
+}
+
+/// A map: values over two axes.
+#[derive(Debug, Clone)]
+pub struct Heatmap {
+    /// Title of the panel.
+    pub title: String,
+    /// Values, shape (rows, columns): row 0 at the lower end of `y`, column 0 at the left end of `x`. Not-a-number is
+    /// missing and hatched.
+    pub values: Array2<f32>,
+    /// Axis of the columns; its ends are the outer edges of the first and last column.
+    pub x: Axis,
+    /// Axis of the rows; its ends are the outer edges of the first and last row.
+    pub y: Axis,
+    /// What the colours mean.
+    pub scale: ColourScale,
+    /// How cells that share a pixel become one value.
+    pub reduce: Reduce,
+}
+
+impl Heatmap {
+    pub(super) fn draw(&self, canvas: &mut Canvas, area: Area) -> Drawn {
+        let area = area.inside(MARGIN, MARGIN, MARGIN, MARGIN / 2);
+        let scale = self.colour_axis();
+        let title = TITLE_LETTERS as i32 + 10;
+        let ticks = scale.ticks((area.height - title) / 60);
+        let mut widest = 0;
+        for (_, label) in &ticks {
+            widest = widest.max(canvas.text_width(label, TICK_LETTERS)?);
+        }
+        let bar = BAR_GAP + BAR + 10 + widest + LABEL_LETTERS as i32 + 8;
+        let frame = Frame::new(canvas, area.inside(0, title, bar - MARGIN, 0), &self.x, &self.y)?;
+        let plot = frame.plot;
+        draw_title(canvas, &self.title, area, plot)?;
+
+        let cells = reduced(self.values.view(), plot.height as usize, plot.width as usize, self.reduce);
+        let (rows, columns) = cells.dim();
+        let cell_of = |pixel: i32, pixels: i32, cells: usize| {
+            (pixel as usize * cells / pixels.max(1) as usize).min(cells - 1)
+        };
+        if rows == 0 || columns == 0 {
+            canvas.paint(plot, hatched);
+        } else {
+            canvas.paint(plot, |x, y| {
+                let row = cell_of(plot.height - 1 - y, plot.height, rows);
+                let value = cells[(row, cell_of(x, plot.width, columns))];
+                if value.is_nan() { hatched(x, y) } else { colour::of_value(scale.place(f64::from(value))) }
+            });
+        }
+        frame.draw(canvas)?;
+        self.draw_bar(canvas, area, plot, &scale, &ticks)
+    }
+
+    /// The scale of colours as an axis.
+    fn colour_axis(&self) -> Axis {
+        let finite = || self.values.iter().copied().filter(|v| v.is_finite());
+        let (from, to) = self.scale.range.unwrap_or_else(|| {
+            (finite().fold(f32::INFINITY, f32::min), finite().fold(f32::NEG_INFINITY, f32::max))
+        });
+        Axis::new(&*self.scale.label, &*self.scale.unit, from.into(), to.into()).sound()
+    }
+
+    fn draw_bar(
+        &self,
+        canvas: &mut Canvas,
+        area: Area,
+        plot: Area,
+        scale: &Axis,
+        ticks: &[(f64, String)],
+    ) -> Drawn {
+        let bar = Area { left: plot.right() + BAR_GAP, width: BAR, ..plot };
+        canvas.paint(bar, |_, y| colour::of_value(1.0 - (f64::from(y) + 0.5) / f64::from(bar.height)));
+        canvas.frame(bar, FRAME)?;
+        let edge = f64::from(bar.right());
+        for (value, label) in ticks {
+            let row = f64::from(bar.bottom()) - scale.place(*value) * f64::from(bar.height);
+            canvas.line(&[(edge, row), (edge + 4.0, row)], FRAME, 1)?;
+            canvas.text(label, TICK_LETTERS, (edge + 9.0, row), Anchor::Left, INK)?;
+        }
+        let title = canvas.shortened(&scale.title(), LABEL_LETTERS, plot.height)?;
+        let right = f64::from(area.right()) - LABEL_LETTERS / 2.0 + 2.0;
+        canvas.text(&title, LABEL_LETTERS, (right, plot.middle().1), Anchor::MiddleUpwards, INK)?;
+        if self.values.iter().any(|v| v.is_nan()) {
+            let text = "missing";
+            let width = canvas.text_width(text, TICK_LETTERS)?;
+            let top = area.top + 3;
+            let swatch = Area { left: area.right() - width - SWATCH - 8, top, width: SWATCH, height: 14 };
+            // The title may have come this far.
+            canvas.fill(
+                Area {
+                    left: swatch.left - 12,
+                    width: area.right() - swatch.left + 12,
+                    top: area.top - 2,
+                    height: 24,
+                },
+                [255; 3],
+            );
+            canvas.paint(swatch, hatched);
+            canvas.frame(swatch, FRAME)?;
+            let at = (f64::from(swatch.right() + 8), f64::from(top) + 7.0);
+            canvas.text(text, TICK_LETTERS, at, Anchor::Left, INK)?;
+        }
+        Ok(())
+    }
+}
+
+/// Colour of a missing value's pixel.
+fn hatched(x: i32, y: i32) -> Rgb {
+    if (x + y).rem_euclid(HATCH) < 2 { STRIPE } else { PALE }
+}
+
+/// `values` with at most `rows` x `columns` cells, each made of all the values that fall into it. Missing values count
+/// only where they are the half of a cell or more.
+fn reduced(values: ArrayView2<'_, f32>, rows: usize, columns: usize, reduce: Reduce) -> Array2<f32> {
+    let (have_rows, have_columns) = values.dim();
+    let (rows, columns) = (rows.min(have_rows), columns.min(have_columns));
+    let part = |n: usize, have: usize, want: usize| Slice::from(n * have / want..(n + 1) * have / want);
+    Array2::from_shape_fn((rows, columns), |(row, column)| {
+        let cell = values.slice_each_axis(|axis| match axis.axis.index() {
+            0 => part(row, have_rows, rows),
+            _ => part(column, have_columns, columns),
+        });
+        let present = || cell.iter().copied().filter(|v| !v.is_nan());
+        let count = present().count();
+        if 2 * count <= cell.len() && count < cell.len() {
+            return f32::NAN;
+        }
+        match reduce {
+            Reduce::Max => present().fold(f32::NEG_INFINITY, f32::max),
+            Reduce::Mean => (present().map(f64::from).sum::<f64>() / count as f64) as f32,
+        }
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_target_of_one_cell_survives_any_reduction_by_maximum() {
+        let mut values = Array2::zeros((1_000, 777));
+        for (row, column) in [(0, 0), (999, 776), (501, 333)] {
+            values.fill(0.0);
+            values[(row, column)] = 7.0;
+            let small = reduced(values.view(), 300, 100, Reduce::Max);
+            assert_eq!(small.dim(), (300, 100));
+            assert_eq!(small.iter().filter(|&&v| v == 7.0).count(), 1);
+        }
+    }
+
+    #[test]
+    fn mean_keeps_the_level() {
+        let values = Array2::from_shape_fn((640, 480), |(r, c)| (r % 2 + c % 2) as f32);
+        let small = reduced(values.view(), 64, 48, Reduce::Mean);
+        assert!(small.iter().all(|v| (v - 1.0).abs() < 1e-6));
+    }
+
+    #[test]
+    fn missing_values_show_where_they_are_the_half_of_a_cell() {
+        let mut values = Array2::zeros((1, 8));
+        values[(0, 0)] = f32::NAN;
+        values[(0, 4)] = f32::NAN;
+        values[(0, 5)] = f32::NAN;
+        let small = reduced(values.view(), 1, 2, Reduce::Max);
+        assert!(!small[(0, 0)].is_nan() && small[(0, 1)].is_nan());
+    }
+
+    #[test]
+    fn small_maps_stay_as_they_are() {
+        let values = Array2::from_shape_fn((3, 2), |(r, c)| (10 * r + c) as f32);
+        assert_eq!(reduced(values.view(), 400, 400, Reduce::Mean), values);
+    }
+}
