@@ -17,7 +17,7 @@ fn check(bytes: &[u8]) {
 
 fuzz_target!(|data: &[u8]| {
     check(data);
-    check(&[&MAGIC, &[VERSION], data].concat());
+    check(&[&MAGIC[..], &[VERSION], data].concat());
     let mut decoder = serial::Decoder::new();
     decoder.push(data, |_| {});
     if data.len() <= MAX_PACKET {
