@@ -8,6 +8,10 @@ mod packets;
 mod reads;
 mod uart;
 
+pub(crate) use adc::MAX_CHIRP;
+pub use reads::Figures as ReadFigures;
+pub(crate) use uart::CHUNK as UART_CHUNK;
+
 use std::path::{Path, PathBuf};
 
 use rfhoi_shared::radar::RadarProfile;
