@@ -49,7 +49,7 @@ impl<const N: usize> StreamParser<N> {
     ///
     /// Call it until it gives `None`: then all of `input` has been taken. A frame that lies within `input` is not
     /// copied.
-    pub fn next<'a>(&'a mut self, input: &mut &'a [u8]) -> Option<Frame<'a>> {
+    pub fn next<'a, 'i: 'a>(&'a mut self, input: &mut &'i [u8]) -> Option<Frame<'a>> {
         loop {
             if self.start == self.end {
                 let window = *input;
