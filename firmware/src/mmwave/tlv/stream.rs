@@ -10,6 +10,9 @@ pub const DEFAULT_CAPACITY: usize = 32 * 1024;
 
 /// Finds frames of up to `N - 8` bytes in a stream.
 ///
+/// A frame whose TLVs do not fit its lengths, or within which the next magic comes, has lost bytes: it counts as
+/// truncated, and the frame after it is found inside of what it claimed. Padding may be missing.
+///
 /// ```
 /// # use rfhoi_firmware::mmwave::tlv::{FrameHeader, FrameWriter, HeaderFormat, StreamParser};
 /// # let mut buffer = [0; 64];
