@@ -190,18 +190,18 @@ fn a_platform_comment_names_the_board() {
 /// A log made like Studio's, of three transmitters.
 fn studio_log() -> String {
     let lines = [
-        "IsFPGA:,0,0,$",
-        "API:select_chip_version,XWR1843,0,$",
-        "API:ChannelConfig,7,15,0,$",
-        "API:AdcOutConfig,2,1,0,$",
-        "API:DataFmtConfig,15,2,1,1,1,0,$",
-        "API:DataPathConfig,1,1,0,2,0,$",
-        "API:ProfileConfig,0,1435384036,10000,600,13000,0,0,621,0,256,10000,0,0,30,0,$",
-        "API:ChirpConfig,0,2,0,0,0,0,0,1,0,$",
-        "API:ChirpConfig,1,1,0,0,0,0,0,2,0,$",
-        "API:ChirpConfig,2,2,0,0,0,0,0,4,0,$",
-        "API:ChirpConfig,2,2,0,0,0,0,0,7,-5,$",
-        "API:FrameConfig,0,2,8,16,20000000,0,512,0,$",
+        "IsFPGA:,0,0,",
+        "API:select_chip_version,XWR1843,0,",
+        "API:ChannelConfig,7,15,0,",
+        "API:AdcOutConfig,2,1,0,",
+        "API:DataFmtConfig,15,2,1,1,1,0,",
+        "API:DataPathConfig,1,1,0,2,0,",
+        "API:ProfileConfig,0,1435384036,10000,600,13000,0,0,621,0,256,10000,0,0,30,0,",
+        "API:ChirpConfig,0,2,0,0,0,0,0,1,0,",
+        "API:ChirpConfig,1,1,0,0,0,0,0,2,0,",
+        "API:ChirpConfig,2,2,0,0,0,0,0,4,0,",
+        "API:ChirpConfig,2,2,0,0,0,0,0,7,-5,",
+        "API:FrameConfig,0,2,8,16,20000000,0,512,0,",
     ];
     lines.map(|line| format!("02-Jan-2026 17:15:04: {line}\r\n")).concat()
 }

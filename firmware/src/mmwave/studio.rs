@@ -1,6 +1,6 @@
 //! mmWave Studio's API log (`*_LogFile.txt`) to a [`RadarProfile`]: what a raw capture was made with.
 //!
-//! Each call is a line `<date> <time>: API:<name>,<arguments>,<status>,$`. The arguments are the integers of
+//! Each call is a line `<date> <time>: API:<name>,<arguments>,<status>,`. The arguments are the integers of
 //! mmWaveLink's structures in their codes, named below with `mmwavelink.h`'s units. That the last number is the call's
 //! status is inferred from calls without arguments (`SensorStart,0`); a call whose status is not 0 failed and is passed
 //! over. Where a call repeats, the last counts.
@@ -98,7 +98,7 @@ impl StudioProfile {
 fn calls(log: &str) -> impl Iterator<Item = (u32, &str, Split<'_, char>)> {
     (1u32..=u32::MAX).zip(log.lines()).filter_map(|(line, content)| {
         let (_, call) = content.split_once("API:")?;
-        let (call, _) = call.split_once(",$")?;
+        let call = call.trim_end().strip_suffix(',')?;
         let (_, status) = call.rsplit_once(',')?;
         let mut fields = call.split(',');
         (status == "0").then_some((line, fields.next()?, fields))
