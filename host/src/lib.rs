@@ -21,4 +21,5 @@ pub mod receive;
 pub mod recording;
 pub mod replay;
 pub mod samples;
+pub mod simulate;
 pub mod uart_log;

@@ -4,7 +4,9 @@
 //! the standard's fields leave out. Impinj's own fields belong to one singulation and are never filled in.
 
 use rfhoi_shared::tag::{Epc, TagRead};
-use rfhoi_shared::units::{AntennaPort, BridgeTime, CentiDbm, ChannelIndex, DopplerCode, PhaseCode, ReaderTime};
+use rfhoi_shared::units::{
+    AntennaPort, BridgeTime, CentiDbm, ChannelIndex, DopplerCode, PhaseCode, ReaderTime,
+};
 
 use super::message::{IMPINJ, ParameterType as P};
 use super::param::{DecodeError, Fault, Fields, Parameters};

@@ -140,7 +140,8 @@ fn object(value: impl Serialize) -> Map<String, Value> {
 /// # Errors
 /// If it is not recognised, cannot be read, or holds less than one frame, message or read.
 pub fn inspect(path: &Path, options: &Options) -> Result<Report, InspectError> {
-    let builder = Builder { path: path.to_path_buf(), list: options.list, notes: Vec::new(), parts: Vec::new() };
+    let builder =
+        Builder { path: path.to_path_buf(), list: options.list, notes: Vec::new(), parts: Vec::new() };
     match detect(path)? {
         Format::AdcBin | Format::AdcNpy => adc::inspect(builder, options),
         Format::Packets => packets::inspect(builder, options),

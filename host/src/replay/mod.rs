@@ -259,8 +259,7 @@ pub fn replay(
     if bridge.frames.is_empty() && bridge.tag_reads.is_empty() {
         return Err(ReplayError::Nothing { path: path.to_path_buf() });
     }
-    std::fs::create_dir_all(out)
-        .map_err(|source| ReplayError::Folder { path: out.to_path_buf(), source })?;
+    std::fs::create_dir_all(out).map_err(|source| ReplayError::Folder { path: out.to_path_buf(), source })?;
     let mut outputs = Vec::new();
     let mut strongest_moving = None;
     if let Some(config) = config.as_ref().filter(|_| !bridge.frames.is_empty()) {

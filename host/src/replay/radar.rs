@@ -60,7 +60,10 @@ struct Angles {
 }
 
 /// One map of all frames, of the shape that the first one has.
-fn stack<'f>(frames: &'f [RadarFrame], map: impl Fn(&'f RadarFrame) -> Option<&'f HeatMap>) -> Option<Array3<f32>> {
+fn stack<'f>(
+    frames: &'f [RadarFrame],
+    map: impl Fn(&'f RadarFrame) -> Option<&'f HeatMap>,
+) -> Option<Array3<f32>> {
     let first = frames.iter().find_map(&map)?;
     let shape = (frames.len(), usize::from(first.gate.bins), first.columns);
     Some(Array3::from_shape_fn(shape, |(f, row, column)| {
@@ -91,7 +94,8 @@ impl<'f> RadarSeries<'f> {
         let map = self.range_doppler.as_ref()?;
         let guard = usize::from(self.config.processing.zero_doppler_guard);
         let zero = map.len_of(Dim(2)) / 2;
-        let moving = map.indexed_iter().filter(|((_, _, d), level)| d.abs_diff(zero) > guard && !level.is_nan());
+        let moving =
+            map.indexed_iter().filter(|((_, _, d), level)| d.abs_diff(zero) > guard && !level.is_nan());
         let ((f, r, d), &level_db) = moving.max_by(|a, b| a.1.total_cmp(b.1))?;
         Some(Strongest {
             frame: self.frames[f].frame,
@@ -155,7 +159,14 @@ impl<'f> RadarSeries<'f> {
             .flat_map(|f| f.points.iter().map(|p| (f.frame, p)))
             .map(|(frame, p)| {
                 let [x, y, z] = p.position_m;
-                [frame as f32, x, y, z, p.velocity_m_s, p.snr_decidb.map_or(f32::NAN, |s| f32::from(s) / 10.0)]
+                [
+                    frame as f32,
+                    x,
+                    y,
+                    z,
+                    p.velocity_m_s,
+                    p.snr_decidb.map_or(f32::NAN, |s| f32::from(s) / 10.0),
+                ]
             })
             .collect();
         if !points.is_empty() {
@@ -166,12 +177,17 @@ impl<'f> RadarSeries<'f> {
     }
 
     /// Rows of a map over frames as columns of a picture, with gaps where frame numbers are missing.
-    fn over_time(&self, rows: usize, per_frame: usize, value: impl Fn(usize, usize, usize) -> f32) -> Array2<f32> {
+    fn over_time(
+        &self,
+        rows: usize,
+        per_frame: usize,
+        value: impl Fn(usize, usize, usize) -> f32,
+    ) -> Array2<f32> {
         let mut columns: Vec<Option<usize>> = Vec::new();
         for (f, frame) in self.frames.iter().enumerate() {
-            let missing = f.checked_sub(1).map_or(0, |before| {
-                frame.frame.saturating_sub(self.frames[before].frame).saturating_sub(1)
-            });
+            let missing = f
+                .checked_sub(1)
+                .map_or(0, |before| frame.frame.saturating_sub(self.frames[before].frame).saturating_sub(1));
             columns.extend((0..missing.min(LONGEST_GAP)).map(|_| None));
             columns.push(Some(f));
         }
@@ -232,12 +248,13 @@ impl<'f> RadarSeries<'f> {
         let map = self.range_doppler.as_ref()?;
         let (_, bins, doppler_bins) = map.dim();
         let velocity = || around("velocity", "m/s", &self.velocity_m_s);
-        let shown = self.strongest().and_then(|s| self.frames.iter().position(|f| f.frame == s.frame)).unwrap_or(0);
+        let shown =
+            self.strongest().and_then(|s| self.frames.iter().position(|f| f.frame == s.frame)).unwrap_or(0);
         let one = map.index_axis(Dim(0), shown).to_owned();
-        let title = format!("Range-Doppler, frame {} at {:.1} s", self.frames[shown].frame, self.time_s[shown]);
-        let over_time = self.over_time(doppler_bins, 1, |f, d, _| {
-            (0..bins).map(|r| map[(f, r, d)]).fold(f32::NAN, f32::max)
-        });
+        let title =
+            format!("Range-Doppler, frame {} at {:.1} s", self.frames[shown].frame, self.time_s[shown]);
+        let over_time = self
+            .over_time(doppler_bins, 1, |f, d, _| (0..bins).map(|r| map[(f, r, d)]).fold(f32::NAN, f32::max));
         let panels = vec![
             self.heatmap(title, one, velocity(), self.range_axis()),
             self.heatmap("Velocity over time, strongest range", over_time, self.time_axis(), velocity()),
@@ -266,7 +283,12 @@ impl<'f> RadarSeries<'f> {
         let mut panels =
             vec![panel("Azimuth over time (Bartlett)", "azimuth", &angles.azimuth, &grid.azimuth_deg)];
         if grid.elevation_deg.len() > 1 {
-            panels.push(panel("Elevation over time (Bartlett)", "elevation", &angles.elevation, &grid.elevation_deg));
+            panels.push(panel(
+                "Elevation over time (Bartlett)",
+                "elevation",
+                &angles.elevation,
+                &grid.elevation_deg,
+            ));
         }
         Some(Figure { columns: 1, panel_height: 480, ..Figure::new(panels) })
     }
@@ -291,7 +313,9 @@ fn covariances(frames: &[RadarFrame]) -> Option<Array3<Complex32>> {
     let n = usize::from(frames.iter().find_map(|f| f.covariance.as_ref())?.antennas);
     let mut all = Array3::from_elem((frames.len(), n, n), Complex32::new(f32::NAN, f32::NAN));
     for (mut matrix, frame) in all.outer_iter_mut().zip(frames) {
-        let Some(covariance) = frame.covariance.as_ref().filter(|c| usize::from(c.antennas) == n) else { continue };
+        let Some(covariance) = frame.covariance.as_ref().filter(|c| usize::from(c.antennas) == n) else {
+            continue;
+        };
         let mut packed = aview1(&covariance.packed).into_iter();
         for i in 0..n {
             matrix[(i, i)] = Complex32::new(packed.next().copied().unwrap_or(0.0), 0.0);

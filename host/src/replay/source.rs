@@ -117,8 +117,7 @@ fn samples(
     }
     let time_at = |byte: u64| BridgeTime(byte / frame_bytes * u64::from(config.profile.frame_period_us));
     for (i, datagram) in Datagrams::new(samples).enumerate() {
-        let datagram =
-            datagram.map_err(|source| InspectError::Read { path: path.to_path_buf(), source })?;
+        let datagram = datagram.map_err(|source| InspectError::Read { path: path.to_path_buf(), source })?;
         // A frame that begins within a datagram begins when the datagram ends.
         let last_byte = datagram.byte_count + datagram.samples().len() as u64 - 1;
         bridge.radar(time_at(last_byte), &datagram.bytes);

@@ -36,7 +36,9 @@ pub(super) fn write(
     let csv = out.join("tag_reads.csv");
     write_csv(&csv, &reads)?;
     if samples.is_empty() {
-        notes.push("no read carries a phase: the reader is none of Impinj's, or its extensions were off".into());
+        notes.push(
+            "no read carries a phase: the reader is none of Impinj's, or its extensions were off".into(),
+        );
         return Ok((figures, vec![csv]));
     }
     let (png, npz) = (out.join("tags.png"), out.join("tags.npz"));
@@ -84,7 +86,10 @@ fn picture(samples: &[PhaseSample], notes: &mut Vec<String>) -> Figure {
             by_reads.len()
         ));
     }
-    let ends = samples.first().zip(samples.last()).map_or((0.0, 1.0), |(first, last)| (first.time.seconds(), last.time.seconds()));
+    let ends = samples
+        .first()
+        .zip(samples.last())
+        .map_or((0.0, 1.0), |(first, last)| (first.time.seconds(), last.time.seconds()));
     let x = || Axis::new("time", "s", ends.0, ends.1.max(ends.0 + 1e-3));
     let mut panels = Vec::new();
     for ((epc, antenna), samples) in by_reads.into_iter().take(SHOWN) {
