@@ -1,21 +1,17 @@
-//! Cuts the radar's byte stream into the datagrams of a DCA1000EVM in raw mode (protocols.md, 1.3).
+//! Cuts the radar's byte stream into the datagrams of a DCA1000EVM in raw mode.
 //!
-//! In: the bytes of the LVDS link, from a file ([`crate::samples`]) or a simulation. Out: UDP payloads of at most
-//! [`DATAGRAM`] bytes: sequence number (u32 LE, from 1), payload bytes sent before (u48 LE), samples. Frames do not end
-//! on a datagram's end.
+//! In: the bytes of the LVDS link, from a file ([`Datagrams`]) or as a simulated radar makes them ([`Cutter`]). Out: UDP
+//! payloads of at most [`DATAGRAM`] bytes: sequence number (u32 LE, from 1), payload bytes sent before (u48 LE), samples.
+//! Frames do not end on a datagram's end.
 
 use std::io::{self, Read};
 
+use rfhoi_firmware::dca1000::{self, HEADER_BYTES};
 use rfhoi_shared::radar::DCA1000_PAYLOAD;
 
-/// UDP port to which a DCA1000EVM sends data, and from which (factory setting).
-pub const DATA_PORT: u16 = 4098;
-/// UDP port of a DCA1000EVM's commands, on both sides (factory setting).
-pub const CONFIG_PORT: u16 = 4096;
-/// Bytes before the samples of a datagram.
-pub const HEADER: usize = 10;
 /// Bytes of a full datagram.
-pub const DATAGRAM: usize = HEADER + DCA1000_PAYLOAD as usize;
+pub const DATAGRAM: usize = HEADER_BYTES + PAYLOAD;
+const PAYLOAD: usize = DCA1000_PAYLOAD as usize;
 
 /// One datagram.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -29,17 +25,50 @@ pub struct Datagram {
 }
 
 impl Datagram {
-    fn new(sequence: u32, byte_count: u64, samples: &[u8]) -> Self {
-        let mut bytes = Vec::with_capacity(HEADER + samples.len());
-        bytes.extend(sequence.to_le_bytes());
-        bytes.extend(&byte_count.to_le_bytes()[..6]);
-        bytes.extend(samples);
-        Self { sequence, byte_count, bytes }
-    }
-
     /// The samples.
     pub fn samples(&self) -> &[u8] {
-        &self.bytes[HEADER..]
+        &self.bytes[HEADER_BYTES..]
+    }
+}
+
+/// Numbers datagrams as after the recorder's RECORD_START.
+#[derive(Debug, Default)]
+struct Numbering {
+    sequence: u32,
+    byte_count: u64,
+}
+
+impl Numbering {
+    fn next(&mut self, samples: &[u8]) -> Datagram {
+        self.sequence = self.sequence.wrapping_add(1);
+        let (sequence, byte_count) = (self.sequence, self.byte_count);
+        self.byte_count += samples.len() as u64;
+        let header = dca1000::Datagram::header(sequence, byte_count % dca1000::Datagram::BYTE_COUNT_MODULUS);
+        Datagram { sequence, byte_count, bytes: [&header, samples].concat() }
+    }
+}
+
+/// Cuts bytes as they are made: full datagrams leave at once, the rest waits for more.
+#[derive(Debug, Default)]
+pub struct Cutter {
+    numbering: Numbering,
+    waiting: Vec<u8>,
+}
+
+impl Cutter {
+    /// Takes the next bytes of the stream; the datagrams that they fill.
+    pub fn push(&mut self, bytes: &[u8]) -> Vec<Datagram> {
+        self.waiting.extend(bytes);
+        let full = self.waiting.len() / PAYLOAD * PAYLOAD;
+        let rest = self.waiting.split_off(full);
+        let filled = std::mem::replace(&mut self.waiting, rest);
+        filled.chunks(PAYLOAD).map(|samples| self.numbering.next(samples)).collect()
+    }
+
+    /// The last datagram, if any bytes wait for it.
+    pub fn finish(&mut self) -> Option<Datagram> {
+        let rest = std::mem::take(&mut self.waiting);
+        (!rest.is_empty()).then(|| self.numbering.next(&rest))
     }
 }
 
@@ -58,15 +87,14 @@ impl Datagram {
 #[derive(Debug)]
 pub struct Datagrams<R> {
     stream: R,
-    sequence: u32,
-    byte_count: u64,
+    numbering: Numbering,
     ended: bool,
 }
 
 impl<R: Read> Datagrams<R> {
     /// Cuts `stream` from its start, as after the recorder's RECORD_START.
     pub fn new(stream: R) -> Self {
-        Self { stream, sequence: 0, byte_count: 0, ended: false }
+        Self { stream, numbering: Numbering::default(), ended: false }
     }
 }
 
@@ -77,9 +105,9 @@ impl<R: Read> Iterator for Datagrams<R> {
         if self.ended {
             return None;
         }
-        let mut samples = Vec::with_capacity(DCA1000_PAYLOAD as usize);
+        let mut samples = Vec::with_capacity(PAYLOAD);
         let read = self.stream.by_ref().take(u64::from(DCA1000_PAYLOAD)).read_to_end(&mut samples);
-        self.ended = samples.len() < DCA1000_PAYLOAD as usize;
+        self.ended = samples.len() < PAYLOAD;
         if let Err(e) = read {
             self.ended = true;
             return Some(Err(e));
@@ -87,10 +115,7 @@ impl<R: Read> Iterator for Datagrams<R> {
         if samples.is_empty() {
             return None;
         }
-        self.sequence = self.sequence.wrapping_add(1);
-        let datagram = Datagram::new(self.sequence, self.byte_count, &samples);
-        self.byte_count += samples.len() as u64;
-        Some(Ok(datagram))
+        Some(Ok(self.numbering.next(&samples)))
     }
 }
 
@@ -102,9 +127,9 @@ mod tests {
 
     #[test]
     fn second_datagram_has_the_header_of_a_real_one() {
-        // Captured from a DCA1000EVM (protocols.md, 1.3): sequence 2, 1456 bytes before.
+        // Captured from a DCA1000EVM with sequence 2, 1456 bytes before.
         let real = [0x02, 0, 0, 0, 0xb0, 0x05, 0, 0, 0, 0, 0xbb, 0x06, 0xb4, 0x00, 0xd8, 0x07];
-        let stream = [&[0; 1_456][..], &real[HEADER..]].concat();
+        let stream = [&[0; 1_456][..], &real[HEADER_BYTES..]].concat();
         let datagrams: Vec<_> = Datagrams::new(stream.as_slice()).map(Result::unwrap).collect();
         assert_eq!(datagrams[1].bytes, real);
     }
@@ -128,13 +153,17 @@ mod tests {
             let mut read: Vec<u8> = Vec::new();
             for (number, datagram) in datagrams.iter().enumerate() {
                 let mut count = [0; 8];
-                count[..6].copy_from_slice(&datagram.bytes[4..HEADER]);
+                count[..6].copy_from_slice(&datagram.bytes[4..HEADER_BYTES]);
                 prop_assert_eq!(&datagram.bytes[..4], &(number as u32 + 1).to_le_bytes());
                 prop_assert_eq!(u64::from_le_bytes(count), read.len() as u64);
-                prop_assert!(datagram.bytes.len() > HEADER && datagram.bytes.len() <= DATAGRAM);
+                prop_assert!(datagram.bytes.len() > HEADER_BYTES && datagram.bytes.len() <= DATAGRAM);
                 read.extend(datagram.samples());
             }
-            prop_assert_eq!(read, stream);
+            prop_assert_eq!(&read, &stream);
+            let mut cutter = Cutter::default();
+            let mut cut: Vec<_> = stream.chunks(777).flat_map(|bytes| cutter.push(bytes)).collect();
+            cut.extend(cutter.finish());
+            prop_assert_eq!(cut, datagrams);
         }
     }
 }

@@ -139,7 +139,8 @@ fn by_text(head: &[u8]) -> Option<Format> {
     let line = text(head)?.trim_start_matches('\u{feff}').lines().find(|l| !l.trim().is_empty())?;
     let cells: Vec<&str> = line.split(',').map(str::trim).collect();
     let named = |name: &str| cells.iter().any(|c| c.eq_ignore_ascii_case(name));
-    let numbers = cells.len() >= 7 && cells.iter().filter(|c| c.parse::<f64>().is_ok()).count() >= cells.len() - 1;
+    let numbers =
+        cells.len() >= 7 && cells.iter().filter(|c| c.parse::<f64>().is_ok()).count() >= cells.len() - 1;
     if named("RawData") {
         Some(Format::TlvCsv)
     } else if named("epc") || numbers {

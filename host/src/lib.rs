@@ -19,5 +19,7 @@ pub mod profile;
 pub mod reads;
 pub mod receive;
 pub mod recording;
+pub mod replay;
 pub mod samples;
+pub mod simulate;
 pub mod uart_log;

@@ -11,7 +11,9 @@ use rfhoi_shared::radar::{IqOrder, MAX_TX_SLOTS, ProfileError, RadarProfile, Sam
 #[derive(Debug, thiserror::Error)]
 pub enum ProfileFileError {
     /// The file cannot be read.
-    #[error("cannot read the radar profile {path}: {source}; give a .cfg file, a mmWave Studio log, or one of the names paper, fine, bridge")]
+    #[error(
+        "cannot read the radar profile {path}: {source}; give a .cfg file, a mmWave Studio log, or one of the names paper, fine, bridge"
+    )]
     Read {
         /// The file.
         path: PathBuf,
@@ -27,7 +29,9 @@ pub enum ProfileFileError {
         error: TextError,
     },
     /// The options do not make a valid profile.
-    #[error("the radar profile does not hold together: {0}; correct the profile or the options that change it")]
+    #[error(
+        "the radar profile does not hold together: {0}; correct the profile or the options that change it"
+    )]
     Options(#[from] ProfileError),
     /// More transmitters than a loop has slots.
     #[error("{0} transmitters: a loop has 1 to {MAX_TX_SLOTS} chirps")]
@@ -94,7 +98,8 @@ impl Changes {
             profile.loops = loops;
         }
         if let Some(n) = self.receivers {
-            profile.rx_mask = 1u8.checked_shl(n.into()).filter(|_| n <= 4).ok_or(ProfileFileError::Receivers(n))? - 1;
+            profile.rx_mask =
+                1u8.checked_shl(n.into()).filter(|_| n <= 4).ok_or(ProfileFileError::Receivers(n))? - 1;
         }
         if let Some(n) = self.transmitters {
             if usize::from(n) > MAX_TX_SLOTS {
@@ -115,7 +120,8 @@ impl Changes {
             profile.format = SampleFormat::Complex(iq);
         }
         if self.samples.is_some() || self.sample_rate_ksps.is_some() {
-            let sampling_ns = u64::from(profile.samples) * 1_000_000 / u64::from(profile.sample_rate_ksps.max(1));
+            let sampling_ns =
+                u64::from(profile.samples) * 1_000_000 / u64::from(profile.sample_rate_ksps.max(1));
             let end_ns = u32::try_from(sampling_ns + u64::from(profile.adc_start_ns)).unwrap_or(u32::MAX);
             profile.ramp_end_ns = profile.ramp_end_ns.max(end_ns);
         }
@@ -134,7 +140,8 @@ impl Changes {
 /// `profile` with `loops` frames of one loop taken as the slow time of one frame: for recordings with one chirp a
 /// frame, whose motion is seen from frame to frame.
 pub fn regroup(profile: &RadarProfile, loops: u16) -> Result<RadarProfile, ProfileFileError> {
-    let chirp_period_ns = u64::from(profile.frame_period_us) * 1_000 / u64::from(profile.chirps_per_frame().max(1));
+    let chirp_period_ns =
+        u64::from(profile.frame_period_us) * 1_000 / u64::from(profile.chirps_per_frame().max(1));
     let idle_ns = chirp_period_ns.saturating_sub(u64::from(profile.ramp_end_ns));
     let frames = u32::from(loops) / u32::from(profile.loops.max(1));
     let grouped = RadarProfile {
@@ -156,12 +163,16 @@ mod tests {
     fn names_and_changes() {
         let profile = load("bridge", Board::default()).unwrap();
         assert_eq!(profile, RadarProfile::bridge());
-        let changes = Changes { samples: Some(256), receivers: Some(2), transmitters: Some(1), ..Changes::default() };
+        let changes =
+            Changes { samples: Some(256), receivers: Some(2), transmitters: Some(1), ..Changes::default() };
         let changed = changes.apply(profile.clone()).unwrap();
         assert_eq!((changed.samples, changed.rx_count(), changed.tx_slots()), (256, 2, 1));
         assert!(changed.ramp_end_ns > profile.ramp_end_ns, "the ramp grew with the samples");
         let wrong = Changes { samples: Some(100), ..Changes::default() };
-        assert!(matches!(wrong.apply(profile.clone()), Err(ProfileFileError::Options(ProfileError::Samples(100)))));
+        assert!(matches!(
+            wrong.apply(profile.clone()),
+            Err(ProfileFileError::Options(ProfileError::Samples(100)))
+        ));
         let wrong = Changes { receivers: Some(9), ..Changes::default() };
         assert!(matches!(wrong.apply(profile), Err(ProfileFileError::Receivers(9))));
     }

@@ -49,7 +49,9 @@ impl HeatMap {
         }
         let first = usize::from(rows.first_row);
         let count = rows.codes.len() / columns;
-        let Some(place) = self.codes.get_mut(first * columns..(first + count) * columns) else { return false };
+        let Some(place) = self.codes.get_mut(first * columns..(first + count) * columns) else {
+            return false;
+        };
         place.copy_from_slice(&rows.codes[..count * columns]);
         self.arrived[first..first + count].fill(true);
         true

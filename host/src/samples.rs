@@ -1,6 +1,6 @@
 //! Raw ADC samples from files, as the byte stream that the radar sends over LVDS.
 //!
-//! In: a DCA1000 `.bin` file, or a NumPy `.npy` array. Out: the bytes of a 2-lane link, I first (protocols.md, 1.4):
+//! In: a DCA1000 `.bin` file, or a NumPy `.npy` array. Out: the bytes of a 2-lane link, I first (TI SWRA581):
 //! little-endian 16-bit words `I0 I1 Q0 Q1` for every two complex samples, real samples one word each. The order of
 //! receivers and chirps is the file's. [`crate::datagrams`] cuts the stream into what a DCA1000EVM would send.
 //!

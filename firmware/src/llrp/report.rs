@@ -3,10 +3,16 @@
 //! A report that a reader leaves a field out of means the last value of that field (13.2.3): [`Repeated`] fills in what
 //! the standard's fields leave out. Impinj's own fields belong to one singulation and are never filled in.
 
-use rfhoi_shared::units::{AntennaPort, CentiDbm, ChannelIndex, DopplerCode, PhaseCode, ReaderTime};
+use rfhoi_shared::tag::{Epc, TagRead};
+use rfhoi_shared::units::{
+    AntennaPort, BridgeTime, CentiDbm, ChannelIndex, DopplerCode, PhaseCode, ReaderTime,
+};
 
 use super::message::{IMPINJ, ParameterType as P};
 use super::param::{DecodeError, Fault, Fields, Parameters};
+
+/// Strength of a read whose reader says none: below anything that can be received.
+const NO_RSSI: CentiDbm = CentiDbm(i16::MIN);
 
 /// One `TagReportData`: what the reader says of one tag. Operations on tags (access results) are not kept.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -90,6 +96,19 @@ impl<'a> TagReport<'a> {
         let first = || self.first_seen_utc.or(self.first_seen_uptime);
         let last = self.last_seen_utc.or(self.last_seen_uptime);
         last.or_else(first)
+    }
+
+    /// The read at `time`, by `antenna` where the reader does not name one; `None` if the EPC is longer than Gen2 allows.
+    pub fn to_read(&self, time: BridgeTime, antenna: AntennaPort) -> Option<TagRead> {
+        Some(TagRead {
+            time,
+            epc: Epc::new(self.epc)?,
+            antenna: self.antenna.unwrap_or(antenna),
+            channel: self.channel.unwrap_or(ChannelIndex(0)),
+            phase: self.phase,
+            rssi: self.rssi().unwrap_or(NO_RSSI),
+            doppler: self.doppler,
+        })
     }
 
     /// Strength, Impinj's fine one where there is one.

@@ -21,7 +21,7 @@ pub(super) fn parse(text: &str, decimals: usize) -> Option<i64> {
     for digit in whole.bytes().chain(kept) {
         value = value.checked_mul(10)?.checked_add(i64::from(digit.wrapping_sub(b'0')))?;
     }
-    if fraction.bytes().nth(decimals).is_some_and(|digit| digit >= b'5') {
+    if fraction.as_bytes().get(decimals).is_some_and(|&digit| digit >= b'5') {
         value = value.checked_add(1)?;
     }
     Some(if negative { -value } else { value })
@@ -46,7 +46,7 @@ impl fmt::Display for Decimal {
             return Ok(());
         }
         let mut width = self.decimals as usize;
-        while fraction % 10 == 0 {
+        while fraction.is_multiple_of(10) {
             fraction /= 10;
             width -= 1;
         }

@@ -13,9 +13,9 @@
 //! hold the parsers to what those devices really send.
 
 pub mod cfg;
-mod chirps;
 pub mod cli;
 mod decimal;
+mod front_end;
 pub mod studio;
 mod text;
 pub mod tlv;

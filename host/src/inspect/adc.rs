@@ -80,7 +80,8 @@ impl MeanSpectrum {
     /// Energy at positive over negative beat frequencies.
     fn image_ratio_db(&self) -> f64 {
         let n = self.power.len();
-        let energy = |bins: std::ops::Range<usize>| bins.map(|b| self.power[b]).sum::<f64>().max(f64::MIN_POSITIVE);
+        let energy =
+            |bins: std::ops::Range<usize>| bins.map(|b| self.power[b]).sum::<f64>().max(f64::MIN_POSITIVE);
         10.0 * (energy(LEAKAGE_BINS + 1..n / 2) / energy(n / 2 + 1..n - LEAKAGE_BINS)).log10()
     }
 
@@ -128,7 +129,13 @@ impl Pass<'_> {
             Event::FrameEnd { frame, chirps_lost } if self.keep_frames => {
                 let (strongest_bin, strongest_level_db) = self.frame.strongest(false);
                 let words_clipped = self.frame_clipped;
-                self.frames.push(FramePart { frame, chirps_lost, words_clipped, strongest_bin, strongest_level_db });
+                self.frames.push(FramePart {
+                    frame,
+                    chirps_lost,
+                    words_clipped,
+                    strongest_bin,
+                    strongest_level_db,
+                });
             }
             _ => {}
         }
@@ -156,7 +163,8 @@ pub(super) fn inspect(mut builder: Builder, options: &Options) -> Result<Report,
         keep_frames: builder.list,
     };
     for datagram in Datagrams::new(samples) {
-        let datagram = datagram.map_err(|source: io::Error| InspectError::Read { path: path.clone(), source })?;
+        let datagram =
+            datagram.map_err(|source: io::Error| InspectError::Read { path: path.clone(), source })?;
         reassembly.push(&datagram.bytes, |event| pass.take(event));
     }
     let complete = reassembly.frames().complete;
@@ -173,11 +181,12 @@ pub(super) fn inspect(mut builder: Builder, options: &Options) -> Result<Report,
     };
     let ratio = chosen.map(|_| pass.all.image_ratio_db());
     let mirrored = ratio.is_some_and(|r| r < -CLEAR_DB);
-    let found = chosen.filter(|_| ratio.is_some_and(|r| r.abs() >= CLEAR_DB)).map(|order| match (order, mirrored) {
-        (order, false) => order,
-        (IqOrder::IFirst, true) => IqOrder::QFirst,
-        (IqOrder::QFirst, true) => IqOrder::IFirst,
-    });
+    let found =
+        chosen.filter(|_| ratio.is_some_and(|r| r.abs() >= CLEAR_DB)).map(|order| match (order, mirrored) {
+            (order, false) => order,
+            (IqOrder::IFirst, true) => IqOrder::QFirst,
+            (IqOrder::QFirst, true) => IqOrder::IFirst,
+        });
     if let (Some(chosen), true) = (chosen, mirrored) {
         let other = found.map_or("the other", order_name);
         builder.note(format!(
@@ -186,7 +195,9 @@ pub(super) fn inspect(mut builder: Builder, options: &Options) -> Result<Report,
             order_name(chosen)
         ));
     } else if chosen.is_some() && found.is_none() {
-        builder.note("positive and negative beat frequencies are equally strong: the order of I and Q cannot be told");
+        builder.note(
+            "positive and negative beat frequencies are equally strong: the order of I and Q cannot be told",
+        );
     }
     if after > 0 {
         builder.note(format!(
@@ -196,7 +207,8 @@ pub(super) fn inspect(mut builder: Builder, options: &Options) -> Result<Report,
         ));
     }
     if repair.rewrapped > 0 {
-        builder.note(format!("{} words had been decoded as unsigned and were wrapped back", repair.rewrapped));
+        builder
+            .note(format!("{} words had been decoded as unsigned and were wrapped back", repair.rewrapped));
     }
     if repair.rounded > 0 {
         builder.note(format!("{} words were no whole numbers and were rounded", repair.rounded));

@@ -166,7 +166,10 @@ pub(super) fn inspect(mut builder: Builder, bytes: &[u8]) -> Result<Report, Insp
         )));
     }
     if llrp.messages_too_long > 0 {
-        builder.note(format!("{} messages longer than {MAX_MESSAGE} bytes were skipped", llrp.messages_too_long));
+        builder.note(format!(
+            "{} messages longer than {MAX_MESSAGE} bytes were skipped",
+            llrp.messages_too_long
+        ));
     }
     let leftover_bytes = bytes.len() as u64 - llrp.message_bytes;
     if leftover_bytes > 0 {
@@ -187,7 +190,8 @@ pub(super) fn inspect_body(mut builder: Builder, bytes: &[u8]) -> Result<Report,
     let mut leftover_bytes = 0;
     for parameter in Fields::new(bytes).parameters() {
         match parameter {
-            Ok(p) => builder.part(ParameterPart { parameter: format!("{:?}", p.kind), bytes: p.fields.rest().len() }),
+            Ok(p) => builder
+                .part(ParameterPart { parameter: format!("{:?}", p.kind), bytes: p.fields.rest().len() }),
             Err(error) => {
                 leftover_bytes = (bytes.len() as u64).saturating_sub(error.offset as u64);
                 builder.note(format!("the parameters end before the file does: {error}"));

@@ -8,6 +8,10 @@ mod packets;
 mod reads;
 mod uart;
 
+pub(crate) use adc::MAX_CHIRP;
+pub use reads::Figures as ReadFigures;
+pub(crate) use uart::CHUNK as UART_CHUNK;
+
 use std::path::{Path, PathBuf};
 
 use rfhoi_shared::radar::RadarProfile;
@@ -136,7 +140,8 @@ fn object(value: impl Serialize) -> Map<String, Value> {
 /// # Errors
 /// If it is not recognised, cannot be read, or holds less than one frame, message or read.
 pub fn inspect(path: &Path, options: &Options) -> Result<Report, InspectError> {
-    let builder = Builder { path: path.to_path_buf(), list: options.list, notes: Vec::new(), parts: Vec::new() };
+    let builder =
+        Builder { path: path.to_path_buf(), list: options.list, notes: Vec::new(), parts: Vec::new() };
     match detect(path)? {
         Format::AdcBin | Format::AdcNpy => adc::inspect(builder, options),
         Format::Packets => packets::inspect(builder, options),

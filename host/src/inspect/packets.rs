@@ -94,7 +94,11 @@ pub(super) fn inspect(mut builder: Builder, options: &Options) -> Result<Report,
                     stream.reset();
                 }
                 if let Err(error) = stream.push(&record.payload, |_, _| {}) {
-                    builder.note(format!("at {:.6} s, {}: {error}", record.time_us as f64 * 1e-6, record.source));
+                    builder.note(format!(
+                        "at {:.6} s, {}: {error}",
+                        record.time_us as f64 * 1e-6,
+                        record.source
+                    ));
                 }
             }
             (Protocol::Tcp { .. }, _) => other_streams_bytes += record.payload.len() as u64,
@@ -102,7 +106,9 @@ pub(super) fn inspect(mut builder: Builder, options: &Options) -> Result<Report,
     }
     let counts = recording.counts();
     if counts.packets == 0 {
-        return Err(builder.too_little("a recording without packets: did the capture filter leave anything in?"));
+        return Err(
+            builder.too_little("a recording without packets: did the capture filter leave anything in?")
+        );
     }
     let (datagrams, frames) = (reassembly.datagrams(), reassembly.frames());
     if radar && profile.is_none() {

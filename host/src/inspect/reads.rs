@@ -10,8 +10,8 @@ use crate::phase::{IntervalCounts, PhaseReport, Settings, analyse};
 use crate::reads::ReadTable;
 
 /// Figures of reads, from whatever source.
-#[derive(Debug, Serialize)]
-pub(crate) struct Figures {
+#[derive(Debug, Clone, Serialize)]
+pub struct Figures {
     reads: usize,
     tags: usize,
     antennas: usize,

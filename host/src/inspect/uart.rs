@@ -72,13 +72,20 @@ impl Figures {
 
 /// Median time from frame to frame of consecutive numbers.
 fn period_s(cycles: &[(u32, u32)]) -> Option<f64> {
-    let mut steps: Vec<u32> =
-        cycles.windows(2).filter(|w| w[1].0 == w[0].0.wrapping_add(1)).map(|w| w[1].1.wrapping_sub(w[0].1)).collect();
+    let mut steps: Vec<u32> = cycles
+        .windows(2)
+        .filter(|w| w[1].0 == w[0].0.wrapping_add(1))
+        .map(|w| w[1].1.wrapping_sub(w[0].1))
+        .collect();
     steps.sort_unstable();
     steps.get(steps.len() / 2).map(|&s| f64::from(s) / RADAR_CLOCK_HZ)
 }
 
-pub(super) fn inspect(mut builder: Builder, bytes: &[u8], format: &'static str) -> Result<Report, InspectError> {
+pub(super) fn inspect(
+    mut builder: Builder,
+    bytes: &[u8],
+    format: &'static str,
+) -> Result<Report, InspectError> {
     let mut parser = Box::new(StreamParser::<{ 256 * 1024 }>::new(HeaderFormat::Subframe));
     let mut figures = Figures { bytes: bytes.len(), ..Figures::default() };
     let mut cycles = Vec::new();

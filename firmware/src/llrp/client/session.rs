@@ -1,8 +1,7 @@
 //! The state machine behind [`Client`](super::Client), after framing.
 
 use rfhoi_shared::config::ReaderConfig;
-use rfhoi_shared::tag::{Epc, TagRead};
-use rfhoi_shared::units::{AntennaPort, BridgeTime, CentiDbm, ChannelIndex};
+use rfhoi_shared::units::{AntennaPort, BridgeTime};
 use rfhoi_shared::wire::ReaderState;
 
 use super::Sink;
@@ -30,8 +29,6 @@ const GOODBYE_US: u64 = 1_000_000;
 const MISSED_KEEPALIVES: u64 = 3;
 /// A link that has read for so long was a good one: the next wait is short again, us.
 const STABLE_US: u64 = 30_000_000;
-/// Strength of a read whose reader says none: below anything that can be received.
-const NO_RSSI: CentiDbm = CentiDbm(i16::MIN);
 
 /// Events that the client wants, and those that it does not in case an earlier client did.
 const EVENTS: [(EventType, bool); 6] = [
@@ -504,26 +501,19 @@ impl Session {
     }
 
     fn read(&mut self, now: BridgeTime, report: &TagReport<'_>, out: &mut Sink<'_>) {
-        let Some(epc) = Epc::new(report.epc) else {
-            return count(&mut self.counts.long_epcs);
-        };
-        if self.impinj && report.phase.is_none() {
-            count(&mut self.counts.without_phase);
-        }
+        let time = report.time().map_or(now, |time| self.clock.observe(time, now));
         // The only antenna need not be named.
         let only = match self.config.antennas.as_slice() {
             &[only] => only,
             _ => AntennaPort(0),
         };
+        let Some(read) = report.to_read(time, only) else {
+            return count(&mut self.counts.long_epcs);
+        };
+        if self.impinj && report.phase.is_none() {
+            count(&mut self.counts.without_phase);
+        }
         count(&mut self.counts.link.reads);
-        out(Output::Read(TagRead {
-            time: report.time().map_or(now, |time| self.clock.observe(time, now)),
-            epc,
-            antenna: report.antenna.unwrap_or(only),
-            channel: report.channel.unwrap_or(ChannelIndex(0)),
-            phase: report.phase,
-            rssi: report.rssi().unwrap_or(NO_RSSI),
-            doppler: report.doppler,
-        }));
+        out(Output::Read(read));
     }
 }

@@ -136,6 +136,3 @@ impl GuiMonitor {
         }
     }
 }
-
-#[cfg(test)]
-mod tests;

@@ -3,113 +3,74 @@
 //! Commands may come in any order and the last of a kind counts, as on the device; `flushCfg` forgets profiles, chirps
 //! and frame. Commands that bear on neither the radar profile nor the streamed data are passed over.
 
+use core::str::SplitAsciiWhitespace;
+
 use rfhoi_shared::array::AntennaArray;
-use rfhoi_shared::radar::{IqOrder, ProfileError, RadarProfile, SampleFormat};
 
 use super::{Board, CliProfile, DemoOptions, GuiMonitor, LvdsData, LvdsStream, PointOutput};
-use crate::mmwave::chirps::{Chirp, FrameChirps, MAX_RAMPS, Ramp};
+use crate::mmwave::front_end::{Channels, Frame, FrontEnd, Names, Ramp, adc_complex, buffer_order};
 use crate::mmwave::text::{Args, Place, Problem, TextError, Unsupported};
 
-/// A value and the line that set it.
-type Set<T> = Option<(T, u32)>;
-
-#[derive(Debug, Clone, Copy)]
-struct Channels {
-    rx_mask: u8,
-    tx_mask: u8,
-}
-
-#[derive(Debug, Clone, Copy)]
-struct AdcBuffer {
-    complex: bool,
-    order: IqOrder,
-}
-
-#[derive(Debug, Clone, Copy)]
-struct Frame {
-    first: u16,
-    last: u16,
-    loops: u16,
-    period_us: u32,
-}
+const NAMES: Names = Names {
+    channels: "channelCfg",
+    adc: "adcCfg",
+    adc_buffer: "adcbufCfg",
+    profile: "profileCfg",
+    chirp: "chirpCfg",
+    frame: "frameCfg",
+};
 
 /// All but the chirps, which only the frame makes sense of.
 struct Commands {
-    lines: u32,
+    /// Line of the last `flushCfg`.
     flushed: u32,
-    array: AntennaArray,
-    channels: Set<Channels>,
-    adc_complex: Set<bool>,
-    adc_buffer: Set<AdcBuffer>,
-    ramps: [Option<Ramp>; MAX_RAMPS],
-    frame: Set<Frame>,
+    front_end: FrontEnd,
+    /// Whether the ADC buffer holds complex samples, and the line that says so.
+    buffer_complex: Option<(bool, u32)>,
     demo: DemoOptions,
 }
 
 impl CliProfile {
     /// Reads a profile's text: one command a line, `%` or `#` begins a comment, line ends as in Unix or DOS.
     ///
-    /// Numbers are taken exactly as they are written, to the resolution of [`RadarProfile`]'s fields.
+    /// Numbers are taken exactly as they are written, to the resolution of [`RadarProfile`]'s fields; digits past it
+    /// round.
     ///
     /// # Errors
     /// The line and command that is missing, malformed or not supported, or that breaks a rule of
     /// [`RadarProfile::validate`].
+    ///
+    /// [`RadarProfile`]: rfhoi_shared::radar::RadarProfile
+    /// [`RadarProfile::validate`]: rfhoi_shared::radar::RadarProfile::validate
     pub fn parse(text: &str, board: Board) -> Result<Self, TextError> {
-        let commands = Commands::read(text, board.array)?;
-        let missing = |command| Place { line: commands.lines, command }.error(Problem::Missing);
-        let (channels, channels_line) = commands.channels.ok_or(missing("channelCfg"))?;
-        let (complex, _) = commands.adc_complex.ok_or(missing("adcCfg"))?;
-        let (adc_buffer, adc_buffer_line) = commands.adc_buffer.ok_or(missing("adcbufCfg"))?;
-        if commands.ramps.iter().all(Option::is_none) {
-            return Err(missing("profileCfg"));
-        }
-        let (frame, frame_line) = commands.frame.ok_or(missing("frameCfg"))?;
-
-        let at_frame = Place { line: frame_line, command: "frameCfg" };
-        let mut chirps = FrameChirps::new(frame.first, frame.last).map_err(|p| at_frame.error(p))?;
-        let chirps_line = commands.chirps(text, &mut chirps, channels.tx_mask)?;
-        let (profile, tx_order) = chirps.resolve().map_err(|p| at_frame.error(p))?;
-        let ramp = commands.ramps.get(usize::from(profile)).copied().flatten();
-        let ramp = ramp.ok_or(at_frame.error(Problem::ProfileUndefined(profile)))?;
-        if complex != adc_buffer.complex {
-            let place = Place { line: adc_buffer_line, command: "adcbufCfg" };
-            return Err(place.error(Problem::FormatMismatch));
-        }
-
-        let radar = RadarProfile {
-            start_khz: ramp.start_khz,
-            slope_khz_per_us: ramp.slope_khz_per_us,
-            idle_ns: ramp.idle_ns,
-            adc_start_ns: ramp.adc_start_ns,
-            ramp_end_ns: ramp.ramp_end_ns,
-            samples: ramp.samples,
-            sample_rate_ksps: ramp.sample_rate_ksps,
-            format: if complex { SampleFormat::Complex(adc_buffer.order) } else { SampleFormat::Real },
-            rx_mask: channels.rx_mask,
-            tx_order,
-            loops: frame.loops,
-            frame_period_us: frame.period_us,
-            array: commands.array,
-            mounting: board.mounting,
+        let mut read = Commands {
+            flushed: 0,
+            front_end: FrontEnd::new(&NAMES, text),
+            buffer_complex: None,
+            demo: DemoOptions::default(),
         };
-        radar.validate().map_err(|e| {
-            let (line, command) = match e {
-                ProfileError::Samples(_) | ProfileError::SamplingPastRamp(..) => (ramp.line, "profileCfg"),
-                ProfileError::ZeroParameter if radar.frame_period_us != 0 => (ramp.line, "profileCfg"),
-                ProfileError::RxMask(_) => (channels_line, "channelCfg"),
-                ProfileError::TxOrder => (chirps_line, "chirpCfg"),
-                ProfileError::ZeroParameter | ProfileError::Loops(_) | ProfileError::FrameTooLong(..) => {
-                    (frame_line, "frameCfg")
-                }
-            };
-            Place { line, command }.error(Problem::Profile(e))
-        })?;
-        Ok(Self { radar, demo: commands.demo })
+        for (line, command, tokens) in commands(text) {
+            read.take(line, command, tokens)?;
+        }
+        let mut chirps = read.front_end.chirps()?;
+        for (line, command, tokens) in commands(text) {
+            if command == NAMES.chirp && line > read.flushed {
+                chirps.take(Args::new(Place { line, command: NAMES.chirp }, tokens))?;
+            }
+        }
+        let array = platform(text).unwrap_or(board.array);
+        let radar = read.front_end.profile(&chirps, Board { array, ..board })?;
+        if let (Some((adc, _)), Some((buffer, line))) = (read.front_end.complex, read.buffer_complex)
+            && adc != buffer
+        {
+            return Err(Place { line, command: NAMES.adc_buffer }.error(Problem::FormatMismatch));
+        }
+        Ok(Self { radar, demo: read.demo })
     }
 }
 
 /// The commands of `text` as (line, name, arguments), comments and blank lines left out.
-fn commands(text: &str) -> impl Iterator<Item = (u32, &str, core::str::SplitAsciiWhitespace<'_>)> {
+fn commands(text: &str) -> impl Iterator<Item = (u32, &str, SplitAsciiWhitespace<'_>)> {
     (1u32..=u32::MAX).zip(text.lines()).filter_map(|(line, content)| {
         let code = content.split(['%', '#']).next()?;
         let mut tokens = code.split_ascii_whitespace();
@@ -132,24 +93,6 @@ fn platform(text: &str) -> Option<AntennaArray> {
 }
 
 impl Commands {
-    fn read(text: &str, default_array: AntennaArray) -> Result<Self, TextError> {
-        let mut this = Self {
-            lines: u32::try_from(text.lines().count()).unwrap_or(u32::MAX),
-            flushed: 0,
-            array: platform(text).unwrap_or(default_array),
-            channels: None,
-            adc_complex: None,
-            adc_buffer: None,
-            ramps: [None; MAX_RAMPS],
-            frame: None,
-            demo: DemoOptions::default(),
-        };
-        for (line, command, tokens) in commands(text) {
-            this.take(line, command, tokens)?;
-        }
-        Ok(this)
-    }
-
     fn take<'a>(
         &mut self,
         line: u32,
@@ -157,31 +100,35 @@ impl Commands {
         tokens: impl Iterator<Item = &'a str>,
     ) -> Result<(), TextError> {
         let args = |command| Args::new(Place { line, command }, tokens);
+        let front_end = &mut self.front_end;
         match command {
             "flushCfg" => {
                 self.flushed = line;
-                self.ramps = [None; MAX_RAMPS];
-                self.frame = None;
+                front_end.flush();
             }
             "dfeDataOutputMode" => dfe_data_output_mode(args("dfeDataOutputMode"))?,
             "advFrameCfg" => {
                 return Err(Place { line, command: "advFrameCfg" }.unsupported(Unsupported::FrameMode));
             }
             "bpmCfg" => bpm_cfg(args("bpmCfg"))?,
-            "channelCfg" => self.channels = Some((channel_cfg(args("channelCfg"))?, line)),
-            "adcCfg" => self.adc_complex = Some((adc_cfg(args("adcCfg"))?, line)),
-            "adcbufCfg" => self.adc_buffer = Some((adcbuf_cfg(args("adcbufCfg"))?, line)),
-            "profileCfg" => {
-                let mut args = args("profileCfg");
-                let number = args.integer::<u8>()?;
-                let slot = self.ramps.get_mut(usize::from(number));
-                let slot = slot.ok_or(args.place.error(Problem::Number(1)))?;
-                *slot = Some(profile_cfg(args)?);
+            "channelCfg" => {
+                let mut args = args(NAMES.channels);
+                let (rx_mask, tx_mask) = (args.integer()?, args.integer()?);
+                front_end.channels = Some((Channels { rx_mask, tx_mask }, line));
             }
+            "adcCfg" => front_end.complex = Some((adc_complex(args(NAMES.adc))?, line)),
+            "adcbufCfg" => {
+                let mut args = args(NAMES.adc_buffer);
+                args.skip(1)?;
+                // Here 0 is complex and 1 real, the other way round than in adcCfg.
+                self.buffer_complex = Some((!args.switch()?, line));
+                front_end.order = Some((buffer_order(&mut args)?, line));
+            }
+            "profileCfg" => front_end.take_profile(args(NAMES.profile), ramp)?,
             "frameCfg" => {
-                let (frame, frames) = frame_cfg(args("frameCfg"))?;
-                self.frame = Some((frame, line));
-                self.demo.frames = frames;
+                let frame = frame_cfg(args(NAMES.frame))?;
+                front_end.frame = Some((frame, line));
+                self.demo.frames = frame.frames;
             }
             "lvdsStreamCfg" => self.demo.lvds = lvds_stream_cfg(args("lvdsStreamCfg"))?,
             "guiMonitor" => self.demo.gui = gui_monitor(args("guiMonitor"))?,
@@ -193,28 +140,6 @@ impl Commands {
             _ => {}
         }
         Ok(())
-    }
-
-    /// Defines the frame's chirps after the last flush; the line of the last one.
-    fn chirps(&self, text: &str, chirps: &mut FrameChirps, enabled: u8) -> Result<u32, TextError> {
-        let mut last = self.lines;
-        for (line, command, tokens) in commands(text) {
-            if command != "chirpCfg" || line < self.flushed {
-                continue;
-            }
-            let mut args = Args::new(Place { line, command: "chirpCfg" }, tokens);
-            let (start, end, profile) = (args.integer()?, args.integer()?, args.integer()?);
-            if !args.zeros(4)? {
-                return Err(args.place.unsupported(Unsupported::ChirpVariation));
-            }
-            let tx_mask = args.integer::<u8>()?;
-            if tx_mask & !enabled != 0 {
-                return Err(args.place.error(Problem::TxNotEnabled(tx_mask & !enabled)));
-            }
-            chirps.define(start, end, Chirp { profile, tx_mask });
-            last = line;
-        }
-        Ok(last)
     }
 }
 
@@ -231,38 +156,8 @@ fn bpm_cfg<'a>(mut args: Args<impl Iterator<Item = &'a str>>) -> Result<(), Text
     if args.switch()? { Err(args.place.unsupported(Unsupported::BinaryPhase)) } else { Ok(()) }
 }
 
-fn channel_cfg<'a>(mut args: Args<impl Iterator<Item = &'a str>>) -> Result<Channels, TextError> {
-    Ok(Channels { rx_mask: args.integer()?, tx_mask: args.integer()? })
-}
-
-/// Whether the ADC gives complex samples.
-fn adc_cfg<'a>(mut args: Args<impl Iterator<Item = &'a str>>) -> Result<bool, TextError> {
-    // 0: 12 bits, 1: 14 bits, 2: 16 bits.
-    if args.integer::<u8>()? != 2 {
-        return Err(args.place.unsupported(Unsupported::AdcBits));
-    }
-    match args.integer::<u8>()? {
-        0 => Ok(false),
-        1 => Ok(true),
-        2 => Err(args.place.unsupported(Unsupported::Complex2x)),
-        _ => Err(args.place.error(Problem::Number(2))),
-    }
-}
-
-fn adcbuf_cfg<'a>(mut args: Args<impl Iterator<Item = &'a str>>) -> Result<AdcBuffer, TextError> {
-    args.skip(1)?;
-    // Here 0 is complex and 1 real, the other way round than in adcCfg.
-    let complex = !args.switch()?;
-    let order = if args.switch()? { IqOrder::QFirst } else { IqOrder::IFirst };
-    let separate = args.switch()?;
-    if !separate {
-        return Err(args.place.unsupported(Unsupported::Interleaved));
-    }
-    Ok(AdcBuffer { complex, order })
-}
-
-/// From the start frequency on.
-fn profile_cfg<'a>(mut args: Args<impl Iterator<Item = &'a str>>) -> Result<Ramp, TextError> {
+/// `profileCfg` from the start frequency on.
+fn ramp<'a>(args: &mut Args<impl Iterator<Item = &'a str>>) -> Result<Ramp, TextError> {
     // GHz to kHz, us to ns, MHz/us to kHz/us.
     let start_khz = args.scaled(6)?;
     let (idle_ns, adc_start_ns, ramp_end_ns) = (args.scaled(3)?, args.scaled(3)?, args.scaled(3)?);
@@ -272,24 +167,14 @@ fn profile_cfg<'a>(mut args: Args<impl Iterator<Item = &'a str>>) -> Result<Ramp
     // Start time of the transmitters.
     args.skip(1)?;
     let (samples, sample_rate_ksps) = (args.integer()?, args.integer()?);
-    Ok(Ramp {
-        line: args.place.line,
-        start_khz,
-        slope_khz_per_us,
-        idle_ns,
-        adc_start_ns,
-        ramp_end_ns,
-        samples,
-        sample_rate_ksps,
-    })
+    Ok(Ramp { start_khz, slope_khz_per_us, idle_ns, adc_start_ns, ramp_end_ns, samples, sample_rate_ksps })
 }
 
-/// The frame, and how many of them.
-fn frame_cfg<'a>(mut args: Args<impl Iterator<Item = &'a str>>) -> Result<(Frame, u16), TextError> {
+fn frame_cfg<'a>(mut args: Args<impl Iterator<Item = &'a str>>) -> Result<Frame, TextError> {
     let (first, last, loops) = (args.integer()?, args.integer()?, args.integer()?);
     let frames = args.integer()?;
     // ms to us.
-    Ok((Frame { first, last, loops, period_us: args.scaled(3)? }, frames))
+    Ok(Frame { first, last, loops, frames, period_us: args.scaled(3)? })
 }
 
 fn lvds_stream_cfg<'a>(mut args: Args<impl Iterator<Item = &'a str>>) -> Result<LvdsStream, TextError> {

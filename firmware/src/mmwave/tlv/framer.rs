@@ -4,11 +4,12 @@
 //! when all of this holds:
 //! - its header is plausible: its TLVs can fit its total length, and that fits the buffer;
 //! - its TLVs, walked by their lengths, end less than one padding ([`SEGMENT`]) before the total length;
-//! - no magic begins within it before its TLVs end. If one does, bytes were lost and the next frame has been reached,
-//!   unless another magic stands just where this frame says that it ends.
+//! - no other magic begins before its TLVs end. One that does is the next frame, reached too early because bytes were
+//!   lost; by chance a payload holds one once in 2^64 places.
 //!
-//! Else the frame counts as truncated and the search goes on at the next magic, inside of what it claimed. After a
-//! frame the next one is where the total length says; a magic in the padding is believed only if there is none.
+//! Else the frame counts as truncated, as soon as that shows, and the search goes on inside of what it claimed. After a
+//! frame the next one is where the total length says; a magic in the padding is believed only if there is none. Then
+//! bytes of the padding are missing or, which looks the same, bytes of the last TLV: [`Counts::resyncs`] tells.
 //!
 //! A frame is delivered with the last byte of its last TLV, unless its last bytes could begin a magic: then the bytes
 //! that decide are awaited. What is delivered and counted depends on the bytes alone, not on how they are cut.
@@ -88,8 +89,8 @@ struct Walk {
     left: u32,
     /// Where the next TLV begins.
     next: usize,
-    /// A magic other than the frame's own begins before the TLVs' end.
-    inner: bool,
+    /// No magic but the frame's own begins before this offset.
+    scanned: usize,
 }
 
 enum Verdict {
@@ -249,8 +250,9 @@ impl Framer {
             return Step::Wait(left + MAGIC.len());
         }
         self.state = State::Search;
+        let as_announced = magic_at(window, left) || (ended && window.len() == left);
         match early {
-            Begins::Magic(offset) if !magic_at(window, left) => {
+            Begins::Magic(offset) if !as_announced => {
                 self.astray = true;
                 Step::Skip(offset)
             }
@@ -275,41 +277,42 @@ impl Walk {
                 if total > longest.saturating_sub(MAGIC.len()) {
                     return Verdict::TooLong;
                 }
-                *self = Self { total: Some(total), left: header.tlvs, next: format.bytes(), inner: false };
+                *self = Self {
+                    total: Some(total),
+                    left: header.tlvs,
+                    next: format.bytes(),
+                    scanned: MAGIC.len(),
+                };
                 total
             }
         };
-        while self.left > 0 {
-            let Some(length) = u32_at(window, self.next + 4) else {
-                return Verdict::Wait(self.next + TLV_HEADER);
-            };
+        let end = loop {
+            if self.left == 0 {
+                break Some(self.next);
+            }
+            let Some(length) = u32_at(window, self.next + 4) else { break None };
             let end = (self.next + TLV_HEADER).saturating_add(length as usize);
-            if end > total {
+            self.left -= 1;
+            // The headers of the TLVs after it must fit too; there are no more than fit the whole.
+            if end.saturating_add(self.left as usize * TLV_HEADER) > total {
                 return Verdict::Broken;
             }
             self.next = end;
-            self.left -= 1;
-        }
-        let end = self.next;
-        let complete = Verdict::Complete { end, padding: total - end };
-        if total - end >= SEGMENT {
+        };
+        if end.is_some_and(|end| total - end >= SEGMENT) {
             return Verdict::Broken;
         }
-        if window.len() < end {
-            return Verdict::Wait(end);
+        let inside = end.unwrap_or(self.next + TLV_HEADER);
+        let begun = match begins(window, self.scanned, inside) {
+            Begins::Magic(_) => return Verdict::Broken,
+            Begins::Perhaps(place) => Some(place),
+            Begins::None => None,
+        };
+        self.scanned = begun.unwrap_or(inside.min(window.len())).max(self.scanned);
+        match (end, begun) {
+            (Some(end), Some(place)) if window.len() >= end && !ended => Verdict::Wait(place + MAGIC.len()),
+            (Some(end), _) if window.len() >= end => Verdict::Complete { end, padding: total - end },
+            _ => Verdict::Wait(inside),
         }
-        if !self.inner {
-            match begins(window, MAGIC.len(), end) {
-                Begins::None => return complete,
-                Begins::Perhaps(_) if ended => return complete,
-                Begins::Perhaps(place) => return Verdict::Wait(place + MAGIC.len()),
-                Begins::Magic(_) => self.inner = true,
-            }
-        }
-        if window.len() < total + MAGIC.len() && !ended {
-            return Verdict::Wait(total + MAGIC.len());
-        }
-        let confirmed = magic_at(window, total) || (ended && window.len() == total);
-        if confirmed { complete } else { Verdict::Broken }
     }
 }

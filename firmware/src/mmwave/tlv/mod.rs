@@ -205,6 +205,3 @@ impl<'a> Iterator for Tlvs<'a> {
 }
 
 impl FusedIterator for Tlvs<'_> {}
-
-#[cfg(test)]
-mod tests;

@@ -10,6 +10,9 @@ pub const DEFAULT_CAPACITY: usize = 32 * 1024;
 
 /// Finds frames of up to `N - 8` bytes in a stream.
 ///
+/// A frame whose TLVs do not fit its lengths, or within which the next magic comes, has lost bytes: it counts as
+/// truncated, and the frame after it is found inside of what it claimed. Padding may be missing.
+///
 /// ```
 /// # use rfhoi_firmware::mmwave::tlv::{FrameHeader, FrameWriter, HeaderFormat, StreamParser};
 /// # let mut buffer = [0; 64];
@@ -49,7 +52,7 @@ impl<const N: usize> StreamParser<N> {
     ///
     /// Call it until it gives `None`: then all of `input` has been taken. A frame that lies within `input` is not
     /// copied.
-    pub fn next<'a, 'c: 'a>(&'a mut self, input: &mut &'c [u8]) -> Option<Frame<'a>> {
+    pub fn next<'a, 'i: 'a>(&'a mut self, input: &mut &'i [u8]) -> Option<Frame<'a>> {
         loop {
             if self.start == self.end {
                 let window = *input;

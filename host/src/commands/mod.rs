@@ -1,0 +1,216 @@
+//! Command line: arguments in, text or one JSON object out, exit status 0, 1 (it failed) or 130 (stopped by Ctrl-C).
+
+mod inspect;
+mod replay;
+mod report;
+mod simulate;
+
+use std::path::{Path, PathBuf};
+use std::process::ExitCode;
+use std::sync::OnceLock;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::{Duration, Instant};
+
+use anyhow::Context;
+use clap::{Args, Parser, Subcommand, ValueEnum};
+use indicatif::{ProgressBar, ProgressStyle};
+use rfhoi::profile::{self, Changes, ProfileFileError};
+use rfhoi_firmware::mmwave::cfg::Board;
+use rfhoi_shared::array::{AntennaArray, Mounting};
+use rfhoi_shared::radar::{IqOrder, RadarProfile};
+
+/// Human-object interactions from mmWave radar and RFID: the host side.
+#[derive(Debug, Parser)]
+#[command(name = "rfhoi", version, about, max_term_width = 100)]
+pub(crate) struct Cli {
+    #[command(subcommand)]
+    command: Command,
+    /// One JSON object instead of text.
+    #[arg(long, global = true)]
+    json: bool,
+    /// Tell more of what is done (-vv still more); RUST_LOG has the last word.
+    #[arg(short, long, global = true, action = clap::ArgAction::Count)]
+    verbose: u8,
+}
+
+#[derive(Debug, Subcommand)]
+enum Command {
+    /// Say what is in a recording, what was lost or skipped, and why.
+    Inspect(inspect::Inspect),
+    /// Feed a recording through the bridge's logic and over the wire; write pictures and numbers.
+    Replay(replay::Replay),
+    /// Make a simulated recording.
+    Simulate(simulate::Simulate),
+}
+
+pub(crate) fn run(cli: &Cli) -> ExitCode {
+    let level = match cli.verbose {
+        0 => "warn",
+        1 => "rfhoi=info",
+        _ => "rfhoi=debug",
+    };
+    let filter = tracing_subscriber::EnvFilter::try_from_default_env()
+        .unwrap_or_else(|_| tracing_subscriber::EnvFilter::new(level));
+    tracing_subscriber::fmt().with_env_filter(filter).with_writer(std::io::stderr).init();
+    let result = match &cli.command {
+        Command::Inspect(command) => command.run(cli.json),
+        Command::Replay(command) => command.run(cli.json),
+        Command::Simulate(command) => command.run(cli.json),
+    };
+    match result {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(error) => {
+            eprintln!("rfhoi: {error:#}");
+            // As a shell reports a program that SIGINT ended.
+            const INTERRUPTED: u8 = 130;
+            ExitCode::from(if stopped() { INTERRUPTED } else { 1 })
+        }
+    }
+}
+
+/// The radar's profile, and numbers that replace its own.
+#[derive(Debug, Args)]
+struct ProfileArgs {
+    /// CLI profile (.cfg), mmWave Studio log, or one of paper, fine, bridge; by default a .cfg beside the recording.
+    #[arg(long, value_name = "FILE|NAME")]
+    profile: Option<String>,
+    /// Board, where the profile does not name it.
+    #[arg(long, value_enum, default_value_t = BoardName::Awr1843aop)]
+    board: BoardName,
+    /// Quarter turns of the board, clockwise as seen from behind it.
+    #[arg(long, default_value_t = 0, value_parser = clap::value_parser!(u8).range(0..4))]
+    quarter_turns: u8,
+    /// ADC samples of a chirp.
+    #[arg(long)]
+    samples: Option<u16>,
+    /// Receivers, the first ones of the board.
+    #[arg(long)]
+    receivers: Option<u8>,
+    /// Transmitters in TDM, the first ones of the board.
+    #[arg(long)]
+    transmitters: Option<u8>,
+    /// Loops of a frame: chirps of each transmitter.
+    #[arg(long)]
+    loops: Option<u16>,
+    /// Sample rate, ksps.
+    #[arg(long, value_name = "KSPS")]
+    sample_rate: Option<u32>,
+    /// Slope, MHz/us.
+    #[arg(long, value_name = "MHZ_PER_US")]
+    slope: Option<f64>,
+    /// Frame period, ms.
+    #[arg(long, value_name = "MS")]
+    frame_period: Option<f64>,
+    /// Which of I and Q comes first.
+    #[arg(long, value_enum)]
+    iq: Option<IqName>,
+    /// Real samples.
+    #[arg(long, conflicts_with = "iq")]
+    real: bool,
+}
+
+#[derive(Debug, Clone, Copy, ValueEnum)]
+enum BoardName {
+    Awr1843aop,
+    Xwr1843boost,
+    Xwr1642boost,
+    Iwr6843aop,
+}
+
+#[derive(Debug, Clone, Copy, ValueEnum)]
+enum IqName {
+    IFirst,
+    QFirst,
+}
+
+impl ProfileArgs {
+    /// The profile, or `None` where none is given and none lies beside `recording`.
+    fn load(&self, recording: Option<&Path>) -> anyhow::Result<Option<RadarProfile>> {
+        let array = match self.board {
+            BoardName::Awr1843aop => AntennaArray::Awr1843Aop,
+            BoardName::Xwr1843boost => AntennaArray::Xwr1843Boost,
+            BoardName::Xwr1642boost => AntennaArray::Xwr1642Boost,
+            BoardName::Iwr6843aop => AntennaArray::Iwr6843Aop,
+        };
+        let mounting = [Mounting::Upright, Mounting::Quarter, Mounting::Half, Mounting::ThreeQuarters]
+            [usize::from(self.quarter_turns)];
+        let changes = Changes {
+            samples: self.samples,
+            loops: self.loops,
+            receivers: self.receivers,
+            transmitters: self.transmitters,
+            sample_rate_ksps: self.sample_rate,
+            slope_mhz_us: self.slope,
+            frame_ms: self.frame_period,
+            iq: self.iq.map(|iq| match iq {
+                IqName::IFirst => IqOrder::IFirst,
+                IqName::QFirst => IqOrder::QFirst,
+            }),
+            real: self.real,
+        };
+        let beside = recording.and_then(profile_beside);
+        let source = match (&self.profile, &beside) {
+            (Some(source), _) => source.clone(),
+            (None, Some(path)) => {
+                tracing::info!("profile {} beside the recording", path.display());
+                path.to_string_lossy().into_owned()
+            }
+            // Single numbers change the default profile.
+            (None, None) if changes != Changes::default() => "bridge".to_owned(),
+            (None, None) => return Ok(None),
+        };
+        let profile = profile::load(&source, Board { array, mounting })?;
+        Ok(Some(changes.apply(profile).map_err(|e: ProfileFileError| e)?))
+    }
+}
+
+/// The `.cfg` of the same name as `recording`.
+fn profile_beside(recording: &Path) -> Option<PathBuf> {
+    let name = recording.file_name()?.to_str()?;
+    let stem = name.strip_suffix(".gz").unwrap_or(name);
+    let stem = stem.rsplit_once('.').map_or(stem, |(stem, _)| stem);
+    let path = recording.with_file_name(format!("{stem}.cfg"));
+    path.is_file().then_some(path)
+}
+
+static STOPPED: AtomicBool = AtomicBool::new(false);
+
+fn stopped() -> bool {
+    STOPPED.load(Ordering::Relaxed)
+}
+
+/// Shows progress once something has taken a second, and listens for Ctrl-C.
+struct Progress {
+    name: String,
+    began: Instant,
+    bar: OnceLock<ProgressBar>,
+}
+
+impl Progress {
+    fn new(name: impl Into<String>) -> anyhow::Result<Self> {
+        ctrlc::set_handler(|| STOPPED.store(true, Ordering::Relaxed)).context("cannot listen for Ctrl-C")?;
+        Ok(Self { name: name.into(), began: Instant::now(), bar: OnceLock::new() })
+    }
+
+    /// Shows that `share` is done, 0 to 1. Returns whether to go on.
+    fn show(&self, share: f64) -> bool {
+        const STEPS: u64 = 1000;
+        if self.began.elapsed() > Duration::from_secs(1) {
+            let bar = self.bar.get_or_init(|| {
+                let style = ProgressStyle::with_template("{msg} {wide_bar} {percent} % {eta} left");
+                let bar = ProgressBar::new(STEPS).with_message(self.name.clone());
+                bar.with_style(style.unwrap_or_else(|_| ProgressStyle::default_bar()))
+            });
+            bar.set_position((share.clamp(0.0, 1.0) * STEPS as f64) as u64);
+        }
+        !stopped()
+    }
+}
+
+impl Drop for Progress {
+    fn drop(&mut self) {
+        if let Some(bar) = self.bar.get() {
+            bar.finish_and_clear();
+        }
+    }
+}

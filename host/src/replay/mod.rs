@@ -1,0 +1,311 @@
+//! A recording through the bridge's logic and over the wire, as if the devices were there.
+//!
+//! ```text
+//! file --source--> datagrams, UART bytes, LLRP streams, reads --Bridge (firmware)--> packets --Receiver--> Outcome
+//! Outcome --radar, tags--> pictures (.png) and numbers (.npz)
+//! ```
+//!
+//! Nothing is written before the recording has gone through, and every file appears whole.
+
+mod radar;
+mod source;
+mod tags;
+
+use std::path::{Path, PathBuf};
+
+use num_complex::Complex;
+use rfhoi_firmware::bridge::{RadarPath, UartPath};
+use rfhoi_firmware::uplink::{ReadPacker, Uplink};
+use rfhoi_shared::config::{ClutterRemoval, ConfigError, Processing, RadarConfig, RadarInput};
+use rfhoi_shared::radar::RadarProfile;
+use rfhoi_shared::scene::{Scene, Unmet};
+use rfhoi_shared::tag::TagRead;
+use rfhoi_shared::units::{BridgeTime, Metres};
+use rfhoi_shared::wire::{DatagramCounts, FrameCounts, HopTable, Message, Stream};
+use serde::Serialize;
+
+use crate::atomic::WriteError;
+use crate::detect::DetectError;
+use crate::inspect::{InspectError, MAX_CHIRP, ReadFigures};
+use crate::npz::NpzError;
+use crate::plot::PlotError;
+use crate::receive::{LinkCounts, RadarFrame, Received, Receiver};
+
+/// How a recording is replayed.
+#[derive(Debug, Clone)]
+pub struct Options {
+    /// The radar's profile; needed for recordings of a radar.
+    pub profile: Option<RadarProfile>,
+    /// The scene: how deep a gate is kept, and how fast tags move.
+    pub scene: Scene,
+    /// Removal of static clutter, where not the default of the profile.
+    pub clutter: Option<ClutterRemoval>,
+    /// Keep all range bins instead of the scene's depth.
+    pub whole_range: bool,
+}
+
+/// Why a recording cannot be replayed.
+#[derive(Debug, thiserror::Error)]
+pub enum ReplayError {
+    /// It is not recognised.
+    #[error(transparent)]
+    Detect(#[from] DetectError),
+    /// It cannot be read.
+    #[error(transparent)]
+    Source(#[from] InspectError),
+    /// The bridge refuses the profile or the processing.
+    #[error("the bridge refuses this configuration: {0}")]
+    Config(#[from] ConfigError),
+    /// The profile does not see the scene.
+    #[error("{0}; give a smaller --depth or another profile")]
+    Scene(#[from] Unmet),
+    /// Nothing came out.
+    #[error("{path} gave no radar frame and no tag read; `rfhoi inspect` tells what is in it")]
+    Nothing {
+        /// The recording.
+        path: PathBuf,
+    },
+    /// The user stopped it.
+    #[error("stopped; nothing was written")]
+    Interrupted,
+    /// The folder of the results.
+    #[error("cannot make the folder {path}: {source}")]
+    Folder {
+        /// The folder.
+        path: PathBuf,
+        /// What the system said.
+        source: std::io::Error,
+    },
+    /// A result.
+    #[error(transparent)]
+    Write(#[from] WriteError),
+    /// A result.
+    #[error(transparent)]
+    Npz(#[from] NpzError),
+    /// A picture.
+    #[error(transparent)]
+    Plot(#[from] PlotError),
+}
+
+/// Bytes for one gated cube on a PC: that of the largest profile with all its bins.
+const CUBE_CELLS: usize = 12 * 256 * 256;
+/// Longest TLV frame.
+const MAX_TLV_FRAME: usize = 256 * 1024;
+
+enum Radar<'m> {
+    /// Not begun; memory for one cube.
+    Idle(&'m mut [Complex<i16>]),
+    Raw(Box<RadarPath<'m, MAX_CHIRP>>),
+    Uart(Box<UartPath<MAX_TLV_FRAME>>),
+}
+
+/// The bridge, the wire and the host's end of it in one process.
+struct Bridge<'m> {
+    radar: Radar<'m>,
+    reads: ReadPacker,
+    uplink: Uplink,
+    receiver: Receiver,
+    frames: Vec<RadarFrame>,
+    tag_reads: Vec<TagRead>,
+    hop_table: Option<HopTable>,
+}
+
+impl<'m> Bridge<'m> {
+    fn new(cube: &'m mut [Complex<i16>]) -> Self {
+        Self {
+            radar: Radar::Idle(cube),
+            reads: ReadPacker::default(),
+            uplink: Uplink::new(0),
+            receiver: Receiver::new(),
+            frames: Vec::new(),
+            tag_reads: Vec::new(),
+            hop_table: None,
+        }
+    }
+
+    fn use_raw_samples(&mut self, config: &RadarConfig) -> Result<(), ReplayError> {
+        if let Radar::Idle(cube) = &mut self.radar {
+            self.radar = Radar::Raw(Box::new(RadarPath::new(config, std::mem::take(cube))?));
+        }
+        Ok(())
+    }
+
+    fn use_uart(&mut self, config: &RadarConfig) -> Result<(), ReplayError> {
+        config.validate(u32::MAX)?;
+        self.radar = Radar::Uart(Box::new(UartPath::new(config)));
+        Ok(())
+    }
+
+    /// Radar bytes that arrived at `now`: a datagram, or what a UART gave.
+    fn radar(&mut self, now: BridgeTime, bytes: &[u8]) {
+        let Self { radar, uplink, receiver, .. } = self;
+        let send = |_: Stream, packet: &[u8]| receiver.push(packet).is_ok();
+        match radar {
+            Radar::Idle(_) => {}
+            Radar::Raw(path) => path.push(now, bytes, uplink, send),
+            Radar::Uart(path) => path.push(now, bytes, uplink, send),
+        }
+        self.collect();
+    }
+
+    fn read(&mut self, now: BridgeTime, read: TagRead) {
+        let Self { reads, uplink, receiver, .. } = self;
+        let mut emit = |m: Message<'_>| uplink.send(now, m, |_, packet| receiver.push(packet).is_ok());
+        reads.tick(now, &mut emit);
+        reads.push(now, read, &mut emit);
+        self.collect();
+    }
+
+    fn hop_table(&mut self, now: BridgeTime, table: HopTable) {
+        let Self { uplink, receiver, .. } = self;
+        uplink.send(now, Message::HopTable(table), |_, packet| receiver.push(packet).is_ok());
+        self.collect();
+    }
+
+    /// A packet that a bridge had sent when the recording was made.
+    fn packet(&mut self, bytes: &[u8]) {
+        // What is wrong is counted.
+        let _ = self.receiver.push(bytes);
+        self.collect();
+    }
+
+    fn finish(&mut self, now: BridgeTime) {
+        let Self { radar, reads, uplink, receiver, .. } = self;
+        let mut send = |_: Stream, packet: &[u8]| receiver.push(packet).is_ok();
+        match radar {
+            Radar::Idle(_) => {}
+            Radar::Raw(path) => path.finish(now, uplink, &mut send),
+            Radar::Uart(path) => path.finish(now, uplink, &mut send),
+        }
+        reads.flush(|m| uplink.send(now, m, &mut send));
+        self.receiver.finish();
+        self.collect();
+    }
+
+    fn collect(&mut self) {
+        while let Some(received) = self.receiver.next() {
+            match received {
+                Received::Frame(frame) => self.frames.push(frame),
+                Received::Reads(reads) => self.tag_reads.extend(reads),
+                Received::HopTable(table) => self.hop_table = Some(table),
+                _ => {}
+            }
+        }
+    }
+
+    fn counts(&self) -> (DatagramCounts, FrameCounts) {
+        match &self.radar {
+            Radar::Idle(_) => Default::default(),
+            Radar::Raw(path) => (path.datagrams(), path.frames()),
+            Radar::Uart(path) => (DatagramCounts::default(), path.frames()),
+        }
+    }
+}
+
+/// What a replay found and wrote.
+#[derive(Debug, Clone, Serialize)]
+pub struct Summary {
+    /// The recording.
+    pub file: PathBuf,
+    /// Frames at the host.
+    pub radar_frames: usize,
+    /// Frames without a hole.
+    pub frames_complete: u32,
+    /// Frames with a hole: zero-filled, marked.
+    pub frames_incomplete: u32,
+    /// Frames of which nothing came.
+    pub frames_lost: u32,
+    /// Datagrams of the radar that were taken.
+    pub datagrams: u32,
+    /// Datagrams that never came.
+    pub datagrams_lost: u32,
+    /// Datagrams that came twice.
+    pub datagrams_duplicate: u32,
+    /// Datagrams that came too late.
+    pub datagrams_late: u32,
+    /// Datagrams that are none, or do not fit.
+    pub datagrams_malformed: u32,
+    /// Words at the ADC's limits.
+    pub words_clipped: u64,
+    /// The wire between bridge and host.
+    pub uplink: LinkCounts,
+    /// Strongest moving target over all frames.
+    pub strongest_moving: Option<radar::Strongest>,
+    /// Figures of the tag reads.
+    pub tag_reads: Option<ReadFigures>,
+    /// Files that were written.
+    pub outputs: Vec<PathBuf>,
+    /// What a person should know.
+    pub notes: Vec<String>,
+}
+
+/// Replays the recording at `path` and writes pictures and numbers to the folder `out`. `progress` is told the share
+/// that is done, 0 to 1, and says whether to go on.
+///
+/// # Errors
+/// If the recording cannot be read, the bridge refuses the configuration, nothing comes out, or a result cannot be
+/// written.
+pub fn replay(
+    path: &Path,
+    options: &Options,
+    out: &Path,
+    progress: &mut dyn FnMut(f64) -> bool,
+) -> Result<Summary, ReplayError> {
+    let mut cube = vec![Complex::default(); CUBE_CELLS];
+    let mut bridge = Bridge::new(&mut cube);
+    let mut notes = Vec::new();
+    let config = options.profile.as_ref().map(|profile| configuration(profile, options)).transpose()?;
+    source::feed(path, config.as_ref(), &mut bridge, &mut notes, progress)?;
+    if bridge.frames.is_empty() && bridge.tag_reads.is_empty() {
+        return Err(ReplayError::Nothing { path: path.to_path_buf() });
+    }
+    std::fs::create_dir_all(out).map_err(|source| ReplayError::Folder { path: out.to_path_buf(), source })?;
+    let mut outputs = Vec::new();
+    let mut strongest_moving = None;
+    if let Some(config) = config.as_ref().filter(|_| !bridge.frames.is_empty()) {
+        let series = radar::RadarSeries::new(config, &bridge.frames);
+        strongest_moving = series.strongest();
+        outputs.extend(series.write(out)?);
+    }
+    let tag_reads = if bridge.tag_reads.is_empty() {
+        None
+    } else {
+        let (figures, written) =
+            tags::write(out, &bridge.tag_reads, bridge.hop_table.as_ref(), options.scene, &mut notes)?;
+        outputs.extend(written);
+        Some(figures)
+    };
+    let (datagrams, frames) = bridge.counts();
+    Ok(Summary {
+        file: path.to_path_buf(),
+        radar_frames: bridge.frames.len(),
+        frames_complete: frames.complete,
+        frames_incomplete: frames.incomplete,
+        frames_lost: frames.lost,
+        datagrams: datagrams.received,
+        datagrams_lost: datagrams.lost,
+        datagrams_duplicate: datagrams.duplicate,
+        datagrams_late: datagrams.late,
+        datagrams_malformed: datagrams.malformed,
+        words_clipped: bridge.frames.iter().filter_map(|f| f.info).map(|i| u64::from(i.clipped)).sum(),
+        uplink: bridge.receiver.counts(),
+        strongest_moving,
+        tag_reads,
+        outputs,
+        notes,
+    })
+}
+
+/// What the bridge is told for `profile` and the options.
+fn configuration(profile: &RadarProfile, options: &Options) -> Result<RadarConfig, ReplayError> {
+    // A recording is replayed as far as it reaches: only a gate that was asked for must fit.
+    let depth = if options.whole_range { profile.range_span() } else { options.scene.depth };
+    let gate = if depth > profile.range_span() {
+        return Err(Unmet::Depth { needed: depth, span: profile.range_span() }.into());
+    } else {
+        profile.gate_to(Metres(depth.0))
+    };
+    let mut processing = Processing::with_gate(profile, gate);
+    processing.clutter = options.clutter.unwrap_or(processing.clutter);
+    Ok(RadarConfig { profile: profile.clone(), input: RadarInput::Uart, processing })
+}
