@@ -5,22 +5,13 @@ use std::process::{Command, Output};
 
 use serde_json::Value;
 
+#[path = "../../tests/recorded.rs"]
+mod recorded;
+use recorded::recorded;
+
 /// The simulated recording that the project ships.
 fn hand() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("../tests/recordings/hand.pcap.gz")
-}
-
-fn captures(name: &str) -> Option<PathBuf> {
-    let folder = std::env::var_os("RFHOI_CAPTURES")
-        .map_or_else(|| Path::new(env!("CARGO_MANIFEST_DIR")).join("../../shared/captures"), PathBuf::from);
-    let path = folder.join(name);
-    if path.exists() {
-        return Some(path);
-    }
-    // The test harness hides what is printed by tests that pass, unless it goes past it.
-    let line = format!("SKIPPED: {} is not there (set RFHOI_CAPTURES)\n", path.display());
-    let _ = std::io::Write::write_all(&mut std::io::stderr(), line.as_bytes());
-    None
 }
 
 fn rfhoi(arguments: &[&str]) -> Output {
@@ -87,7 +78,7 @@ fn the_shipped_recording_is_made_by_the_command_that_is_written_in_the_readme() 
 
 #[test]
 fn figures_of_the_recorded_uart() {
-    let Some(file) = captures("uart_tlv/AWR1642_test_data_SDK_3_6_0.dat") else { return };
+    let Some(file) = recorded("uart_tlv/AWR1642_test_data_SDK_3_6_0.dat") else { return };
     let found = json(&["inspect", "--json", text(&file)]);
     for (name, value) in [
         ("frames_complete", 100),
@@ -105,7 +96,7 @@ fn figures_of_the_recorded_uart() {
 #[test]
 fn the_logged_table_of_a_uart_holds_what_the_bytes_hold() {
     let name = "uart_tlv/iwr6843aop_static_2024-11-28";
-    let (Some(table), Some(bytes)) = (captures(&format!("{name}.csv")), captures(&format!("{name}.dat")))
+    let (Some(table), Some(bytes)) = (recorded(&format!("{name}.csv")), recorded(&format!("{name}.dat")))
     else {
         return;
     };
@@ -121,8 +112,8 @@ fn the_logged_table_of_a_uart_holds_what_the_bytes_hold() {
 
 #[test]
 fn figures_of_the_recorded_samples() {
-    let Some(file) = captures("raw_adc/awr1642_pipe_vibration_1000f_1ms.bin") else { return };
-    let profile = captures("raw_adc/awr1642_pipe_LogFile_0.txt").unwrap();
+    let Some(file) = recorded("raw_adc/awr1642_pipe_vibration_1000f_1ms.bin") else { return };
+    let profile = recorded("raw_adc/awr1642_pipe_LogFile_0.txt").unwrap();
     let inspect = |more: &[&str]| {
         json(&[&["inspect", "--json", text(&file), "--profile", text(&profile)][..], more].concat())
     };
@@ -157,7 +148,7 @@ fn figures_of_the_recorded_samples() {
 
 #[test]
 fn figures_of_the_recorded_array() {
-    let Some(file) = captures("raw_adc/openradar_doppler_example.npy") else { return };
+    let Some(file) = recorded("raw_adc/openradar_doppler_example.npy") else { return };
     let numbers =
         ["--samples", "256", "--receivers", "1", "--transmitters", "1", "--loops", "128", "--iq", "i-first"];
     let found = json(&[&["inspect", "--json", text(&file)][..], &numbers].concat());
@@ -168,19 +159,19 @@ fn figures_of_the_recorded_array() {
 
 #[test]
 fn figures_of_recorded_llrp() {
-    let Some(file) = captures("llrp/ltk/dx101_a.bin") else { return };
+    let Some(file) = recorded("llrp/ltk/dx101_a.bin") else { return };
     let found = json(&["inspect", "--json", text(&file)]);
     for (name, value) in [("messages", 934), ("tag_reads", 130), ("leftover_bytes", 0)] {
         assert_eq!(found[name], value, "{name}");
     }
-    let body = captures("llrp/edgex/ROAccessReport-001.bytes").unwrap();
+    let body = recorded("llrp/edgex/ROAccessReport-001.bytes").unwrap();
     let found = json(&["inspect", "--json", text(&body)]);
     assert_eq!((found["tag_reads"].as_u64(), found["leftover_bytes"].as_u64()), (Some(1), Some(0)));
 }
 
 #[test]
 fn figures_of_recorded_reads() {
-    let Some(file) = captures("rfid_phase/crozenboom/Test15-5-0.csv") else { return };
+    let Some(file) = recorded("rfid_phase/crozenboom/Test15-5-0.csv") else { return };
     let found = json(&["inspect", "--json", text(&file)]);
     for (name, value) in [("reads", 3114), ("antennas", 1), ("channels", 50)] {
         assert_eq!(found[name], value, "{name}");
@@ -217,7 +208,7 @@ fn bad_input_is_told_in_a_sentence_and_leaves_nothing() {
     both(&file("samples.bin", &[0; 4096]), &[], &["--profile"]);
     both(&file("short.bin", &[0; 4096]), &["--profile", "bridge"], &["4096 bytes", "393216 bytes"]);
     both(&file("odd.bin", &[0; 4097]), &["--profile", "bridge"], &["4097 bytes"]);
-    both(&file("cut.pcap", &[0xd4, 0xc3, 0xb2, 0xa1, 2, 0]), &[], &["offset"]);
+    both(&file("cut.pcap", &[0xd4, 0xc3, 0xb2, 0xa1, 2, 0]), &[], &["byte 0"]);
     both(&file("profile.cfg", b"sensorStop\nprofileCfg 0 77\n"), &[], &["--profile"]);
     both(
         &file(
