@@ -240,7 +240,7 @@ fn wrong_profiles_name_line_and_remedy() {
     std::fs::write(&profile, "sensorStop\nchannelCfg 15 x 0\n").unwrap();
     let with = |profile: &str| refused(&["inspect", text(&samples), "--profile", profile]);
     let sentence = with(text(&profile));
-    assert!(sentence.contains("b.cfg, line 2") && sentence.contains("channelCfg"), "{sentence}");
+    assert!(sentence.contains("b.cfg: line 2") && sentence.contains("channelCfg"), "{sentence}");
     let sentence = with("nowhere.cfg");
     assert!(sentence.contains("nowhere.cfg") && sentence.contains("paper, fine, bridge"), "{sentence}");
     let sentence = refused(&["inspect", text(&samples), "--profile", "bridge", "--samples", "100"]);
