@@ -90,8 +90,10 @@ impl<'m> Cube<'m> {
         let scale = power_of_two(shift);
         let start = virtual_antenna * loops + loop_index;
         let cells = self.cells.get_mut(start..).unwrap_or_default();
-        for (cell, z) in cells.iter_mut().step_by(virtuals * loops).zip(spectrum.iter().take(bins)) {
-            *cell = Complex::new(round_to_i16(z.re * scale), round_to_i16(z.im * scale));
+        for (bin, z) in cells.chunks_mut(virtuals * loops).zip(spectrum.iter().take(bins)) {
+            if let Some(cell) = bin.first_mut() {
+                *cell = Complex::new(round_to_i16(z.re * scale), round_to_i16(z.im * scale));
+            }
         }
     }
 
