@@ -145,10 +145,9 @@ fn a_wall_does_not_leak_into_frames_with_holes() {
     for percent in [1, 5, 10, 20] {
         let (_, _, outcome) = lossy(f64::from(percent) / 100.0, 12);
         let worst = outcome.frames.iter().map(wall_db).fold(f32::NEG_INFINITY, f32::max);
-        eprintln!("{percent} % lost: wall {worst} dB, clean {clean_db} dB");
-        // What is left of the wall is its noise. With half of the chirps it is 3 dB stronger after the Doppler FFT; the
-        // strongest of the cells that are looked at varies by as much.
-        assert!(worst < clean_db + 6.0, "{percent} % lost: {worst} dB, clean {clean_db} dB");
+        // What is left of the wall is its noise, which is 3 dB stronger after a Doppler FFT of half the chirps. The wall
+        // itself is at -10 dB.
+        assert!(worst < clean_db + 3.0, "{percent} % lost: {worst} dB, clean {clean_db} dB");
     }
 }
 

@@ -204,11 +204,21 @@ impl ReaderSide {
         }
     }
 
-    /// The reader loses its power or its cable: what is under way is lost. Unless `quietly`, the bridge's TCP notices.
+    /// Whether bytes of the reader are under way.
+    pub fn is_heard_soon(&self) -> bool {
+        self.to_bridge.next_arrival().is_some()
+    }
+
+    /// The reader loses its power or its cable: what is under way is lost, but half of the next segment. Unless
+    /// `quietly`, the bridge's TCP notices.
     pub fn vanish(&mut self, quietly: bool) {
         self.reachable = false;
         self.reader.disconnect();
         self.to_reader.clear();
+        if let Some(mut segment) = self.to_bridge.arrive(BridgeTime(u64::MAX)) {
+            segment.truncate(segment.len() / 2);
+            self.inputs.push_back(Input::Received(segment));
+        }
         self.to_bridge.clear();
         if self.connected && !quietly {
             self.connected = false;
