@@ -1,0 +1,16 @@
+//! Devices, networks and time around the bridge.
+//!
+//! * [`network`]: datagrams, lost, doubled and late; [`tcp`]: a stream; [`serial`]: a line with bit errors.
+//! * [`radar`]: chirps of point scatterers as DCA1000 datagrams; [`console`]: the SDK demo's command line.
+//! * [`reader`]: an LLRP reader with tags in view and a clock of its own.
+//! * [`path`]: the radar's path alone, from datagrams to frames at the host.
+//! * [`world`]: all of them joined with the bridge and the host.
+
+pub mod console;
+pub mod network;
+pub mod path;
+pub mod radar;
+pub mod reader;
+pub mod serial;
+pub mod tcp;
+pub mod world;
