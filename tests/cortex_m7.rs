@@ -42,10 +42,12 @@ fn the_mcu_computes_the_same_bits() {
     }
     let text = String::from_utf8_lossy(&output.stdout);
     assert!(output.status.success(), "{text}{errors}");
-    let digest = text.lines().find_map(|l| l.strip_prefix("digest bridge ")).expect("the image prints its digest");
+    let digest =
+        text.lines().find_map(|l| l.strip_prefix("digest bridge ")).expect("the image prints its digest");
     assert_eq!(digest, format!("{:08x}", digest_here()));
     for (name, most) in [("bridge", 17_000_000), ("fine", 34_000_000)] {
-        let line = text.lines().find_map(|l| l.strip_prefix(&format!("instructions {name} "))).expect("a table");
+        let line =
+            text.lines().find_map(|l| l.strip_prefix(&format!("instructions {name} "))).expect("a table");
         let _ = writeln!(std::io::stderr(), "Cortex-M7 instructions a frame, {name}: {line}");
         let all: u32 = line.rsplit_once("all=").unwrap().1.parse().unwrap();
         // Of 48 million in a frame's 100 ms at 480 MHz; above what was measured, for other compilers.

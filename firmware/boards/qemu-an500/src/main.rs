@@ -21,7 +21,8 @@ use static_cell::ConstStaticCell;
 use stages::{Bench, CUBE_CELLS};
 
 static BENCH: ConstStaticCell<Bench> = ConstStaticCell::new(Bench::new());
-static CUBE: ConstStaticCell<[Complex<i16>; CUBE_CELLS]> = ConstStaticCell::new([Complex::new(0, 0); CUBE_CELLS]);
+static CUBE: ConstStaticCell<[Complex<i16>; CUBE_CELLS]> =
+    ConstStaticCell::new([Complex::new(0, 0); CUBE_CELLS]);
 
 /// Frames of the reference's digest.
 const DIGEST_FRAMES: u32 = 2;
