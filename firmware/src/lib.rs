@@ -16,7 +16,8 @@
 //! LLRP over TCP    --llrp::Client--> tag reads on the bridge's clock --uplink::Uplink--> uplink packets
 //! ```
 //!
-//! [`bridge`] joins them. To change how a device is spoken to, go to its module ([`dca1000`], [`mmwave`], [`llrp`]);
+//! [`bridge`] joins them; [`simulated`] is a radar for tests, [`reference`](mod@reference) its scene with a digest of what
+//! comes out. To change how a device is spoken to, go to its module ([`dca1000`], [`mmwave`], [`llrp`]);
 //! to change what is computed, to [`dsp`]; to change what the host gets, to `rfhoi_shared::wire` and [`uplink`].
 #![no_std]
 #![cfg_attr(
@@ -38,5 +39,6 @@ pub mod dca1000;
 pub mod dsp;
 pub mod llrp;
 pub mod mmwave;
+pub mod reference;
 pub mod simulated;
 pub mod uplink;

@@ -2,7 +2,6 @@
 
 use std::collections::BTreeMap;
 use std::fs;
-use std::path::PathBuf;
 
 use rfhoi_firmware::llrp::capabilities::Capabilities;
 use rfhoi_firmware::llrp::client::MAX_MESSAGE_BYTES;
@@ -16,21 +15,13 @@ use rfhoi_firmware::llrp::status::StatusCode;
 use rfhoi_shared::units::{CentiDbm, ReaderTime};
 use serde_json::Value;
 
-/// The folder of LLRP recordings, if it is there.
-fn captures() -> Option<PathBuf> {
-    let default = concat!(env!("CARGO_MANIFEST_DIR"), "/../../shared/captures");
-    let root = std::env::var_os("RFHOI_CAPTURES").map_or_else(|| PathBuf::from(default), PathBuf::from);
-    let folder = root.join("llrp");
-    if !folder.is_dir() {
-        eprintln!("SKIPPED: no captures at {}", folder.display());
-        return None;
-    }
-    Some(folder)
-}
+#[path = "../../tests/recorded.rs"]
+mod recorded;
+use recorded::recorded;
 
 /// Messages of a recording, as (type, ID, body); fails if a byte is left over or a message skipped.
 fn messages(name: &str, cut: usize) -> Option<Vec<(MessageType, u32, Vec<u8>)>> {
-    let bytes = fs::read(captures()?.join("ltk").join(name)).unwrap();
+    let bytes = fs::read(recorded("llrp")?.join("ltk").join(name)).unwrap();
     let mut framer = Framer::<MAX_MESSAGE_BYTES>::new();
     let mut messages = Vec::new();
     let mut used = 0;
@@ -89,7 +80,7 @@ fn hex(bytes: &[u8]) -> String {
 
 /// Compares `reports` with the `TagReportData` elements of the recording's XML.
 fn compare_with_xml(name: &str, reports: &[TagReport<'_>]) {
-    let xml = fs::read_to_string(captures().unwrap().join("ltk").join(name)).unwrap();
+    let xml = fs::read_to_string(recorded("llrp").unwrap().join("ltk").join(name)).unwrap();
     let elements: Vec<_> = xml.split("<TagReportData>").skip(1).collect();
     assert_eq!(elements.len(), reports.len());
     for (xml, report) in elements.iter().zip(reports) {
@@ -163,7 +154,7 @@ fn error_messages() {
 
 /// Body and expected decode of each recording of a Speedway R420 whose name begins with `kind`.
 fn edgex(kind: &str, expected: usize) -> Vec<(Vec<u8>, Value)> {
-    let Some(folder) = captures() else { return Vec::new() };
+    let Some(folder) = recorded("llrp") else { return Vec::new() };
     let mut recordings = Vec::new();
     for entry in fs::read_dir(folder.join("edgex")).unwrap() {
         let path = entry.unwrap().path();

@@ -1,8 +1,6 @@
-//! The parsers on recordings of real devices; `RFHOI_CAPTURES` says where they are.
+//! The parsers on recordings of real devices.
 
 use std::collections::BTreeMap;
-use std::io::Write;
-use std::path::PathBuf;
 
 use rfhoi_firmware::mmwave::cfg::{Board, CliProfile, DemoOptions, LvdsData, PointOutput};
 use rfhoi_firmware::mmwave::studio::StudioProfile;
@@ -10,21 +8,12 @@ use rfhoi_firmware::mmwave::tlv::{Counts, HeaderFormat, StreamParser, Tlv, TlvKi
 use rfhoi_shared::array::{AntennaArray, Mounting};
 use rfhoi_shared::radar::{IqOrder, RadarProfile, SampleFormat};
 
-/// The bytes of a capture, or `None` with a line that says so.
+#[path = "../../tests/recorded.rs"]
+mod recorded;
+use recorded::recorded;
+
 fn capture(name: &str) -> Option<Vec<u8>> {
-    let root = std::env::var_os("RFHOI_CAPTURES").map_or_else(
-        || PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../../shared/captures"),
-        PathBuf::from,
-    );
-    let path = root.join(name);
-    match std::fs::read(&path) {
-        Ok(bytes) => Some(bytes),
-        Err(e) => {
-            // Not by `eprintln!`, which the test harness would swallow.
-            let _ = writeln!(std::io::stderr(), "SKIPPED: {}: {e}", path.display());
-            None
-        }
-    }
+    recorded(name).map(|path| std::fs::read(path).unwrap())
 }
 
 fn text(name: &str) -> Option<String> {

@@ -21,7 +21,7 @@ pub enum ProfileFileError {
         source: std::io::Error,
     },
     /// The file does not parse.
-    #[error("{path}, line {}: {error}", error.line)]
+    #[error("{path}: {error}")]
     Text {
         /// The file.
         path: PathBuf,

@@ -1,10 +1,8 @@
 //! Recordings of real devices through the readers and the phase pipeline. Bounds are what was measured on them.
 //!
-//! The captures are no part of the sources: set `RFHOI_CAPTURES` to their directory. Without them each test says
-//! SKIPPED on the standard error output and passes.
+//! Without the recordings each test says SKIPPED and passes.
 
-use std::io::{Read, Write};
-use std::path::{Path, PathBuf};
+use std::io::Read;
 
 use num_complex::Complex;
 use rfhoi::datagrams::{DATAGRAM, Datagrams};
@@ -12,20 +10,12 @@ use rfhoi::phase::{PhaseReport, Settings, analyse};
 use rfhoi::reads::ReadTable;
 use rfhoi::samples::{RawSamples, Repair};
 
-fn capture(name: &str) -> Option<PathBuf> {
-    let directory = std::env::var_os("RFHOI_CAPTURES")
-        .map_or_else(|| Path::new(env!("CARGO_MANIFEST_DIR")).join("../../shared/captures"), PathBuf::from);
-    let path = directory.join(name);
-    if path.exists() {
-        return Some(path);
-    }
-    // Not `eprintln!`, which the test harness swallows.
-    let _ = writeln!(std::io::stderr(), "SKIPPED: no capture {}; set RFHOI_CAPTURES", path.display());
-    None
-}
+#[path = "../../tests/recorded.rs"]
+mod recorded;
+use recorded::recorded;
 
 fn phases(name: &str) -> Option<(ReadTable, PhaseReport)> {
-    let table = ReadTable::open(capture(&format!("rfid_phase/crozenboom/{name}.csv"))?).unwrap();
+    let table = ReadTable::open(recorded(&format!("rfid_phase/crozenboom/{name}.csv"))?).unwrap();
     let (_, report) = analyse(&table.reads, Settings::default());
     Some((table, report))
 }
@@ -92,7 +82,7 @@ fn strongest(power: &[f64]) -> usize {
 
 #[test]
 fn an_array_decoded_as_unsigned_is_repaired() {
-    let Some(path) = capture("raw_adc/openradar_doppler_example.npy") else { return };
+    let Some(path) = recorded("raw_adc/openradar_doppler_example.npy") else { return };
     let mut samples = RawSamples::open(path).unwrap();
     assert_eq!(samples.repair(), Repair { rewrapped: 32_073, rounded: 0 });
     let mut stream = Vec::new();
@@ -108,7 +98,7 @@ fn an_array_decoded_as_unsigned_is_repaired() {
 
 #[test]
 fn a_recorders_file_is_cut_into_its_datagrams() {
-    let Some(path) = capture("raw_adc/awr1642_pipe_vibration_1000f_1ms.bin") else { return };
+    let Some(path) = recorded("raw_adc/awr1642_pipe_vibration_1000f_1ms.bin") else { return };
     let samples = RawSamples::open(path).unwrap();
     assert_eq!(samples.stream_bytes(), 4_096_000);
     let datagrams: Vec<_> = Datagrams::new(samples).map(Result::unwrap).collect();

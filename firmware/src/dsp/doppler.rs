@@ -1,6 +1,11 @@
 //! The gated cube to maps, one range bin at a time.
+//!
+//! Static clutter is taken off behind the FFT: the FFT of `w (x - s)` is that of `w x` less `s W`, with W the spectrum of
+//! the window. Bin 0 of the FFT is the mean weighted by the window, which is what is static; and of a Hann window only
+//! bins -1, 0 and 1 are not zero. So a row needs no pass of its own for its mean, and none for its removal. Where chirps were
+//! lost their weight is zero, W has no zeros, and all bins are corrected: a lost chirp does not bring the clutter back.
 
-use num_complex::Complex32;
+use num_complex::{Complex, Complex32};
 use rfhoi_shared::config::{ClutterRemoval, RadarConfig};
 use rfhoi_shared::radar::{MAX_GATE_BINS, MAX_LOOPS, MAX_TX_SLOTS, MAX_VIRTUAL};
 
@@ -12,7 +17,7 @@ use super::{Cube, fft, window};
 pub struct Row<'a> {
     /// Power by Doppler bin from `-loops/2` to `loops/2 - 1`, the mean over the virtual antennas.
     pub doppler: [&'a [f32]; 2],
-    /// Power by group of loops, oldest first, the mean over loops and virtual antennas.
+    /// Power by group of loops, oldest first, the mean over loops and the first receiver of each transmitter slot.
     pub time: &'a [f32],
 }
 
@@ -24,16 +29,29 @@ impl<'a> Row<'a> {
     }
 }
 
-/// Clutter removal, window, Doppler FFT, power, and the covariance of what moves.
+/// Chirps of one transmitter slot in the frame at hand.
+#[derive(Debug, Clone, Copy)]
+struct Slot {
+    /// Spectrum of the window with lost chirps left out, in FFT order; bin 0 is 1, or 0 if nothing came.
+    leakage: [Complex32; MAX_LOOPS],
+    /// No chirp was lost.
+    intact: bool,
+    /// Chirps that came.
+    chirps: u32,
+}
+
+const ZERO: Complex32 = Complex32::new(0.0, 0.0);
+const NO_SLOT: Slot = Slot { leakage: [ZERO; MAX_LOOPS], intact: false, chirps: 0 };
+
+/// Window, Doppler FFT, clutter removal, power, and the covariance of what moves.
 #[derive(Debug)]
 pub struct DopplerStage {
     window: [f32; MAX_LOOPS],
-    /// Window of each slot with lost chirps left out, summing to 1.
-    weights: [[f32; MAX_LOOPS]; MAX_TX_SLOTS],
-    /// Chirps of each slot that came.
-    intact: [u32; MAX_TX_SLOTS],
+    slots: [Slot; MAX_TX_SLOTS],
     /// What each cell must be multiplied by, 0 for lost ones.
     scales: [[f32; MAX_LOOPS]; MAX_VIRTUAL],
+    /// The same times the window of the slot.
+    factors: [[f32; MAX_LOOPS]; MAX_VIRTUAL],
     /// Doppler spectra of the latest range bin by virtual antenna, in FFT order.
     pub(super) spectra: [[Complex32; MAX_LOOPS]; MAX_VIRTUAL],
     background: [[Complex32; MAX_VIRTUAL]; MAX_GATE_BINS],
@@ -60,12 +78,11 @@ impl Default for DopplerStage {
 impl DopplerStage {
     /// A stage that has no profile yet and yields empty rows.
     pub const fn new() -> Self {
-        const ZERO: Complex32 = Complex32::new(0.0, 0.0);
         Self {
             window: [0.0; MAX_LOOPS],
-            weights: [[0.0; MAX_LOOPS]; MAX_TX_SLOTS],
-            intact: [0; MAX_TX_SLOTS],
+            slots: [NO_SLOT; MAX_TX_SLOTS],
             scales: [[0.0; MAX_LOOPS]; MAX_VIRTUAL],
+            factors: [[0.0; MAX_LOOPS]; MAX_VIRTUAL],
             spectra: [[ZERO; MAX_LOOPS]; MAX_VIRTUAL],
             background: [[ZERO; MAX_VIRTUAL]; MAX_GATE_BINS],
             power: [0.0; MAX_LOOPS],
@@ -102,26 +119,31 @@ impl DopplerStage {
     /// Begins a frame: which rows came, and how they are scaled.
     pub fn begin(&mut self, cube: &Cube<'_>) {
         self.moving.clear();
-        for (v, scales) in self.scales.iter_mut().enumerate().take(self.virtuals) {
+        let Self { window, slots, scales, factors, loops, virtuals, receivers, .. } = self;
+        for (v, scales) in scales.iter_mut().enumerate().take(*virtuals) {
             for (scale, stored) in scales.iter_mut().zip(cube.scales(v)) {
                 *scale = stored.unwrap_or(0.0);
             }
         }
-        let Self { weights, window, intact, scales, receivers, loops, .. } = self;
-        let first_of_slot = scales.iter().step_by(*receivers);
-        for ((weights, intact), scales) in weights.iter_mut().zip(intact).zip(first_of_slot) {
-            let mut sum = 0.0;
-            *intact = 0;
-            for ((weight, &w), &scale) in weights.iter_mut().zip(&*window).zip(scales).take(*loops) {
-                let came = scale != 0.0;
-                *weight = if came { w } else { 0.0 };
-                *intact += u32::from(came);
-                sum += *weight;
+        let rows = scales.chunks(*receivers).zip(factors.chunks_mut(*receivers));
+        for (slot, (scales, factors)) in slots.iter_mut().zip(rows) {
+            // The receivers of a chirp come or are lost together.
+            let Some(first) = scales.first() else { continue };
+            let came = || first.iter().take(*loops).map(|&scale| scale != 0.0);
+            slot.chirps = came().map(u32::from).sum();
+            slot.intact = slot.chirps as usize == *loops;
+            let sum: f32 = came().zip(&*window).filter(|(came, _)| *came).map(|(_, w)| w).sum();
+            let norm = if sum > 0.0 { 1.0 / sum } else { 0.0 };
+            let Some(leakage) = slot.leakage.get_mut(..*loops) else { continue };
+            for ((leak, came), w) in leakage.iter_mut().zip(came()).zip(&*window) {
+                *leak = Complex32::new(if came { w * norm } else { 0.0 }, 0.0);
             }
-            let scale = if sum > 0.0 { 1.0 / sum } else { 0.0 };
-            for weight in weights.iter_mut().take(*loops) {
-                *weight *= scale;
+            for (scales, factors) in scales.iter().zip(factors) {
+                for ((factor, scale), weight) in factors.iter_mut().zip(scales).zip(&*leakage) {
+                    *factor = scale * weight.re;
+                }
             }
+            fft::forward(leakage);
         }
     }
 
@@ -130,60 +152,57 @@ impl DopplerStage {
         let (loops, columns) = (self.loops, self.columns);
         self.power.fill(0.0);
         self.time.fill(0.0);
+        let mut timed = 0;
         for v in 0..self.virtuals {
-            let slot = v / self.receivers;
-            let (Some(spectrum), Some(scales), Some(weights), Some(&intact)) = (
+            let (Some(spectrum), Some(factors), Some(slot)) = (
                 self.spectra.get_mut(v).and_then(|s| s.get_mut(..loops)),
-                self.scales.get(v),
-                self.weights.get(slot),
-                self.intact.get(slot),
+                self.factors.get(v),
+                self.slots.get(v / self.receivers),
             ) else {
                 continue;
             };
-            let mut sum = Complex32::default();
-            for ((x, cell), &scale) in spectrum.iter_mut().zip(cube.row(bin, v)).zip(scales) {
-                *x = Complex32::new(f32::from(cell.re) * scale, f32::from(cell.im) * scale);
-                sum += *x;
+            let row = cube.row(bin, v);
+            for ((x, cell), &factor) in spectrum.iter_mut().zip(row).zip(factors) {
+                *x = Complex32::new(f32::from(cell.re) * factor, f32::from(cell.im) * factor);
             }
-            let mean = if intact == 0 { Complex32::default() } else { sum * (1.0 / intact as f32) };
+            fft::forward(spectrum);
+            let mean = spectrum.first().copied().unwrap_or_default();
             let static_part = match self.clutter {
-                ClutterRemoval::Off => Complex32::default(),
+                ClutterRemoval::Off => ZERO,
                 ClutterRemoval::Mean => mean,
                 ClutterRemoval::Background { .. } => {
                     let gain = if self.background_empty { 1.0 } else { self.background_gain };
-                    let gain = if intact == 0 { 0.0 } else { gain };
+                    let gain = if slot.chirps == 0 { 0.0 } else { gain };
                     match self.background.get_mut(bin).and_then(|row| row.get_mut(v)) {
                         Some(background) => {
                             *background += (mean - *background) * gain;
                             *background
                         }
-                        None => Complex32::default(),
+                        None => ZERO,
                     }
                 }
             };
-            let group = (loops / columns).max(1);
-            let groups = spectrum.chunks_mut(group).zip(weights.chunks(group));
-            for ((group, weights), time) in groups.zip(&mut self.time) {
-                let mut power = 0.0;
-                for (x, &weight) in group.iter_mut().zip(weights) {
-                    let moving = *x - static_part;
-                    // A lost chirp has no weight in either map.
-                    power += if weight == 0.0 { 0.0 } else { moving.norm_sqr() };
-                    *x = moving * weight;
-                }
-                *time += power;
-            }
-            fft::forward(spectrum);
+            remove(static_part, slot, spectrum);
             for (power, x) in self.power.iter_mut().zip(&*spectrum) {
                 *power += x.norm_sqr();
+            }
+            if v % self.receivers == 0
+                && let Some(scales) = self.scales.get(v)
+            {
+                let group = (loops / columns).max(1);
+                timed += 1;
+                for ((row, scales), time) in row.chunks(group).zip(scales.chunks(group)).zip(&mut self.time) {
+                    *time += residual_power(row, scales, static_part);
+                }
             }
         }
         let mean_over_antennas = 1.0 / self.virtuals.max(1) as f32;
         for power in self.power.iter_mut().take(loops) {
             *power *= mean_over_antennas;
         }
+        let mean_over_loops = columns as f32 / (loops * timed).max(1) as f32;
         for time in self.time.iter_mut().take(columns) {
-            *time *= mean_over_antennas * columns as f32 / loops.max(1) as f32;
+            *time *= mean_over_loops;
         }
         let power = self.power.get(..loops).unwrap_or(&[]);
         self.moving.add(power, &self.spectra);
@@ -194,7 +213,30 @@ impl DopplerStage {
 
     /// Ends the frame and yields what moved in it.
     pub fn finish(&mut self) -> &MovingCells {
-        self.background_empty &= self.intact.iter().all(|&n| n == 0);
+        self.background_empty &= self.slots.iter().all(|slot| slot.chirps == 0);
         &self.moving
     }
+}
+
+/// Takes `static_part` off the spectrum of a row.
+fn remove(static_part: Complex32, slot: &Slot, spectrum: &mut [Complex32]) {
+    /// Shortest Hann window of which bins -1 and 1 are two.
+    const MIN_SPARSE: usize = 4;
+    let correct = |(x, leak): (&mut Complex32, &Complex32)| *x -= static_part * leak;
+    let length = spectrum.len();
+    if slot.intact && length >= MIN_SPARSE {
+        spectrum.iter_mut().zip(&slot.leakage).take(2).for_each(correct);
+        spectrum.iter_mut().zip(&slot.leakage).skip(length - 1).for_each(correct);
+    } else {
+        spectrum.iter_mut().zip(&slot.leakage).for_each(correct);
+    }
+}
+
+/// Energy of what is left of some loops of a row without its static part; lost chirps have none.
+fn residual_power(row: &[Complex<i16>], scales: &[f32], static_part: Complex32) -> f32 {
+    let residual = |(cell, &scale): (&Complex<i16>, &f32)| {
+        let x = Complex32::new(f32::from(cell.re) * scale, f32::from(cell.im) * scale) - static_part;
+        if scale == 0.0 { 0.0 } else { x.norm_sqr() }
+    };
+    row.iter().zip(scales).map(residual).sum()
 }

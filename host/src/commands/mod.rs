@@ -170,7 +170,7 @@ fn profile_beside(recording: &Path) -> Option<PathBuf> {
     let stem = name.strip_suffix(".gz").unwrap_or(name);
     let stem = stem.rsplit_once('.').map_or(stem, |(stem, _)| stem);
     let path = recording.with_file_name(format!("{stem}.cfg"));
-    path.is_file().then_some(path)
+    (path.is_file() && path != recording).then_some(path)
 }
 
 static STOPPED: AtomicBool = AtomicBool::new(false);

@@ -77,12 +77,12 @@ impl MeanSpectrum {
         self.spectra += 1;
     }
 
-    /// Energy at positive over negative beat frequencies.
+    /// Energy at positive over negative beat frequencies: all bins but zero and the highest, which have no sign.
     fn image_ratio_db(&self) -> f64 {
         let n = self.power.len();
         let energy =
             |bins: std::ops::Range<usize>| bins.map(|b| self.power[b]).sum::<f64>().max(f64::MIN_POSITIVE);
-        10.0 * (energy(LEAKAGE_BINS + 1..n / 2) / energy(n / 2 + 1..n - LEAKAGE_BINS)).log10()
+        10.0 * (energy(1..n / 2) / energy(n / 2 + 1..n)).log10()
     }
 
     /// The strongest bin past the leakage, counted from the other end where the spectrum is mirrored, and its level.

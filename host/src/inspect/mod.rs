@@ -129,10 +129,8 @@ impl Builder {
 
 /// The fields of a struct.
 fn object(value: impl Serialize) -> Map<String, Value> {
-    match serde_json::to_value(value) {
-        Ok(Value::Object(map)) => map,
-        _ => Map::new(),
-    }
+    // By way of text, so that an f32 keeps its own digits.
+    serde_json::to_string(&value).and_then(|text| serde_json::from_str(&text)).unwrap_or_default()
 }
 
 /// Looks at the file at `path`.

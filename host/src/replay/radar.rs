@@ -280,11 +280,15 @@ impl<'f> RadarSeries<'f> {
             self.heatmap(title, image, self.time_axis(), around(name, "deg", degrees))
         };
         let grid = &angles.grid;
-        let mut panels =
-            vec![panel("Azimuth over time (Bartlett)", "azimuth", &angles.azimuth, &grid.azimuth_deg)];
+        let mut panels = vec![panel(
+            "Azimuth over time (Bartlett), hatched where nothing moves",
+            "azimuth",
+            &angles.azimuth,
+            &grid.azimuth_deg,
+        )];
         if grid.elevation_deg.len() > 1 {
             panels.push(panel(
-                "Elevation over time (Bartlett)",
+                "Elevation over time (Bartlett), hatched where nothing moves",
                 "elevation",
                 &angles.elevation,
                 &grid.elevation_deg,

@@ -12,6 +12,7 @@ use rfhoi_shared::wire::HopTable;
 use super::ReplayError;
 use crate::inspect::ReadFigures;
 use crate::npz::Npz;
+use crate::phase::circular::wrap;
 use crate::phase::{ChannelPlan, PhaseSample, Settings, analyse};
 use crate::plot::{Axis, Figure, Lines, Marks, Panel, Series, Style};
 use crate::reads::write_csv;
@@ -101,13 +102,19 @@ fn picture(samples: &[PhaseSample], notes: &mut Vec<String>) -> Figure {
             points: samples.iter().filter_map(|s| Some((s.time.seconds(), value(s)?.to_degrees()))).collect(),
             style: Style::Dots,
         };
-        let invalid = samples.windows(2).filter(|w| w[1].step.is_some_and(|s| s.turned.is_err()));
-        let spans = invalid.map(|w| (w[0].time.seconds(), w[1].time.seconds())).collect();
+        let mut spans: Vec<(f64, f64)> = Vec::new();
+        for pair in samples.windows(2).filter(|w| w[1].step.is_some_and(|s| s.turned.is_err())) {
+            let (from, to) = (pair[0].time.seconds(), pair[1].time.seconds());
+            match spans.last_mut() {
+                Some(last) if last.1 == from => last.1 = to,
+                _ => spans.push((from, to)),
+            }
+        }
         panels.push(Panel::Lines(Lines {
             title: format!("Phase, {name}"),
             x: x(),
-            y: Axis::new("phase", "deg", -180.0, 360.0),
-            series: vec![dots("as read", &|s| Some(s.raw)), dots("hop-corrected", &|s| s.corrected)],
+            y: Axis::new("phase", "deg", -180.0, 180.0),
+            series: vec![dots("as read", &|s| Some(wrap(s.raw))), dots("hop-corrected", &|s| s.corrected)],
             marks: None,
         }));
         panels.push(Panel::Lines(Lines {

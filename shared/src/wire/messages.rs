@@ -68,7 +68,8 @@ impl Message<'_> {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct FrameInfo {
-    /// Number of the frame since the radar started, from 0; lost frames are counted.
+    /// Number of the frame. Of raw samples: counted by the bridge from 0, lost frames too, on across restarts of the
+    /// recorder. Of the UART: the radar's own.
     pub frame: u32,
     /// Fingerprint of the profile in force ([`crate::radar::RadarProfile::fingerprint`]).
     pub profile: u32,
