@@ -1,6 +1,8 @@
 //! The SDK demo's two UARTs: a profile goes to the radar line by line and comes to be what was asked, and what the demo
 //! computes (points, range profiles, maps) reaches the host with its values, through damage in between.
 
+use std::collections::VecDeque;
+
 use rand::{Rng, RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rfhoi::receive::{HeatMap, RadarFrame};
@@ -183,7 +185,7 @@ fn configure(lines: &str, console: &mut Console, mut hears: impl FnMut(u64) -> b
     let mut session = Session::new(lines.lines(), Timeouts::default());
     let mut report = Report::default();
     let mut now = BridgeTime(0);
-    let mut coming: Option<Said> = None;
+    let mut coming = VecDeque::<Said>::new();
     let mut sent = 0;
     loop {
         if let Some(line) = session.transmit(now) {
@@ -192,9 +194,9 @@ fn configure(lines: &str, console: &mut Console, mut hears: impl FnMut(u64) -> b
                 hears(sent)
             };
             let heard: String = line.chars().filter(|c| keep(c)).collect();
-            coming = console.hear(now, &heard).or(coming);
+            coming.extend(console.hear(now, &heard));
         }
-        let said_at = coming.as_ref().map(|(time, _)| *time);
+        let said_at = coming.front().map(|(time, _)| *time);
         let Some(next) = [said_at, session.deadline()].into_iter().flatten().min() else { break };
         now = next.max(now);
         let mut take = |event: Event<'_>| match event {
@@ -202,7 +204,9 @@ fn configure(lines: &str, console: &mut Console, mut hears: impl FnMut(u64) -> b
             Event::Done { line, .. } => report.done.push(line),
             Event::Failed(f) => report.failure = Some((f.number, f.line.into(), f.error, f.answer.into())),
         };
-        if let Some((_, said)) = coming.take_if(|(time, _)| *time <= now) {
+        if said_at.is_some_and(|time| time <= now)
+            && let Some((_, said)) = coming.pop_front()
+        {
             let mut bytes = said.as_bytes();
             while let Some(event) = session.receive(&mut bytes, now) {
                 take(event);

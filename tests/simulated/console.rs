@@ -25,19 +25,23 @@ pub struct Console {
 }
 
 impl Console {
-    /// Hears bytes of a host, unless it is busy, and says something once a line is complete.
-    pub fn hear(&mut self, now: BridgeTime, bytes: &str) -> Option<Said> {
+    /// Hears bytes of a host, unless it is busy. Once a line is complete it says its answer, then the prompt.
+    pub fn hear(&mut self, now: BridgeTime, bytes: &str) -> Vec<Said> {
         if now < self.busy_until {
             self.unheard += bytes.len();
-            return None;
+            return Vec::new();
         }
         self.line.push_str(bytes);
-        let line = self.line.strip_suffix('\n')?.to_owned();
+        let Some(line) = self.line.strip_suffix('\n').map(str::to_owned) else { return Vec::new() };
         self.line.clear();
         let works_us = if line == "sensorStart" { START_US } else { COMMAND_US };
-        let said = format!("{line}\r\n{}mmwDemo:/>", self.answer(&line));
-        self.busy_until = now.after(works_us + CHARACTER_US * said.len() as u64);
-        Some((self.busy_until, said))
+        let mut time = now.after(works_us);
+        let said = [format!("{line}\r\n{}", self.answer(&line)), "mmwDemo:/>".to_owned()].map(|words| {
+            time = time.after(CHARACTER_US * words.len() as u64);
+            (time, words)
+        });
+        self.busy_until = time;
+        said.into()
     }
 
     fn answer(&mut self, line: &str) -> &'static str {

@@ -24,6 +24,8 @@ pub const SECOND: u64 = 1_000_000;
 pub const CHIRP: usize = 4096;
 /// From one telemetry message to the next, us.
 const TELEMETRY_US: u64 = SECOND;
+/// Steps without time going on before something is wrong; a handful happen when one thing leads to another.
+const MOST_STEPS_AT_ONCE: u32 = 1_000;
 /// Time to open a TCP connection, us.
 const CONNECT_US: u64 = 1_000;
 
@@ -335,8 +337,14 @@ impl<'m> World<'m> {
     }
 
     /// Lets happen what happens until `end`.
+    ///
+    /// # Panics
+    /// If time stands still: a deadline is past and stays so, whatever is done.
     pub fn run_until(&mut self, end: BridgeTime) {
+        let mut steps_at_once = 0;
         while let Some(next) = self.next_event().filter(|&next| next <= end) {
+            steps_at_once = if next > self.now { 0 } else { steps_at_once + 1 };
+            assert!(steps_at_once < MOST_STEPS_AT_ONCE, "time stands still at {:?}", self.now);
             self.now = self.now.max(next);
             self.step();
         }
