@@ -24,6 +24,8 @@ use std::collections::VecDeque;
 use std::io::{self, Read};
 use std::net::SocketAddrV4;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU64, Ordering};
 
 pub use writer::{BRIDGE_IP, HOST_IP, RADAR_IP, READER_IP, Writer, WriterError};
 
@@ -170,6 +172,23 @@ pub struct Recording {
     start_us: Option<u64>,
     last_us: u64,
     ended: bool,
+    /// Bytes of the file read so far, and all of them.
+    read: Arc<AtomicU64>,
+    length: u64,
+}
+
+/// A file that tells how much of it was read.
+struct Counted {
+    file: std::fs::File,
+    read: Arc<AtomicU64>,
+}
+
+impl Read for Counted {
+    fn read(&mut self, buffer: &mut [u8]) -> io::Result<usize> {
+        let bytes = self.file.read(buffer)?;
+        self.read.fetch_add(bytes as u64, Ordering::Relaxed);
+        Ok(bytes)
+    }
 }
 
 impl Recording {
@@ -181,7 +200,10 @@ impl Recording {
         let path = path.as_ref();
         let file = std::fs::File::open(path)
             .map_err(|source| RecordingError::Open { path: path.to_path_buf(), source })?;
-        Self::from_reader(path, file)
+        let length = file.metadata().map_or(0, |m| m.len());
+        let read = Arc::new(AtomicU64::new(0));
+        let counted = Counted { file, read: Arc::clone(&read) };
+        Ok(Self { read, length, ..Self::from_reader(path, counted)? })
     }
 
     /// Reads a recording from `reader`; `name` stands for the path in errors.
@@ -201,7 +223,14 @@ impl Recording {
             start_us: None,
             last_us: 0,
             ended: false,
+            read: Arc::default(),
+            length: 0,
         })
+    }
+
+    /// Share of the file that was read, 0 to 1, of its compressed form too; 0 for what is not a file.
+    pub fn share_read(&self) -> f64 {
+        self.read.load(Ordering::Relaxed) as f64 / self.length.max(1) as f64
     }
 
     /// What was read so far.

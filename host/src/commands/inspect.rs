@@ -7,7 +7,7 @@ use rfhoi::inspect::{Options, inspect};
 use rfhoi_shared::scene::Scene;
 use rfhoi_shared::units::MetresPerSecond;
 
-use super::{ProfileArgs, report};
+use super::{ProfileArgs, Progress, report};
 
 #[derive(Debug, Args)]
 pub(super) struct Inspect {
@@ -32,7 +32,10 @@ impl Inspect {
         );
         let scene = Scene { fastest_tag: MetresPerSecond(self.fastest_tag), ..Scene::default() };
         let profile = self.profile.load(Some(&self.file))?;
-        let found = inspect(&self.file, &Options { profile, scene, list: self.list })?;
+        let progress = Progress::new(format!("inspecting {}", self.file.display()))?;
+        let options = Options { profile, scene, list: self.list };
+        let found = inspect(&self.file, &options, &mut |share| progress.show(share))?;
+        drop(progress);
         report::print(&found, json)
     }
 }

@@ -142,7 +142,7 @@ impl Pass<'_> {
     }
 }
 
-pub(super) fn inspect(mut builder: Builder, options: &Options) -> Result<Report, InspectError> {
+pub(super) fn inspect(mut builder: Builder<'_>, options: &Options) -> Result<Report, InspectError> {
     let path = builder.path.clone();
     let profile = options.profile.as_ref().ok_or_else(|| InspectError::NoProfile { path: path.clone() })?;
     let samples = RawSamples::open(&path)?;
@@ -166,6 +166,7 @@ pub(super) fn inspect(mut builder: Builder, options: &Options) -> Result<Report,
         let datagram =
             datagram.map_err(|source: io::Error| InspectError::Read { path: path.clone(), source })?;
         reassembly.push(&datagram.bytes, |event| pass.take(event));
+        builder.go_on(datagram.byte_count as f64 / bytes.max(1) as f64)?;
     }
     let complete = reassembly.frames().complete;
     let frame_bytes = u64::from(profile.frame_bytes());

@@ -141,7 +141,7 @@ struct FileFigures {
     llrp: Figures,
 }
 
-pub(super) fn inspect(mut builder: Builder, bytes: &[u8]) -> Result<Report, InspectError> {
+pub(super) fn inspect(mut builder: Builder<'_>, bytes: &[u8]) -> Result<Report, InspectError> {
     let mut stream = Stream::new();
     let mut offset = 0;
     let framing = stream.push(bytes, |message, tag_reads| {
@@ -185,7 +185,7 @@ struct ParameterPart {
 }
 
 /// A message without its header: the type is not known, but tag reports say what they are.
-pub(super) fn inspect_body(mut builder: Builder, bytes: &[u8]) -> Result<Report, InspectError> {
+pub(super) fn inspect_body(mut builder: Builder<'_>, bytes: &[u8]) -> Result<Report, InspectError> {
     let mut llrp = Figures { messages: 1, ..Figures::default() };
     let mut leftover_bytes = 0;
     for parameter in Fields::new(bytes).parameters() {

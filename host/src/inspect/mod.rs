@@ -76,6 +76,9 @@ pub enum InspectError {
     /// Tag reads.
     #[error(transparent)]
     Reads(#[from] ReadsError),
+    /// The user stopped it.
+    #[error("stopped")]
+    Interrupted,
     /// Table of a UART.
     #[error(transparent)]
     UartLog(#[from] UartLogError),
@@ -98,15 +101,24 @@ pub struct Report {
     pub list: Vec<Map<String, Value>>,
 }
 
+/// Told the share of a file that is done, 0 to 1; says whether to go on.
+pub type Progress<'p> = dyn FnMut(f64) -> bool + 'p;
+
 /// Collects a report.
-struct Builder {
+struct Builder<'p> {
     path: PathBuf,
+    progress: &'p mut Progress<'p>,
     list: bool,
     notes: Vec<String>,
     parts: Vec<Map<String, Value>>,
 }
 
-impl Builder {
+impl Builder<'_> {
+    /// Tells the share that is done.
+    fn go_on(&mut self, share: f64) -> Result<(), InspectError> {
+        if (self.progress)(share) { Ok(()) } else { Err(InspectError::Interrupted) }
+    }
+
     fn note(&mut self, note: impl Into<String>) {
         self.notes.push(note.into());
     }
@@ -137,9 +149,18 @@ fn object(value: impl Serialize) -> Map<String, Value> {
 ///
 /// # Errors
 /// If it is not recognised, cannot be read, or holds less than one frame, message or read.
-pub fn inspect(path: &Path, options: &Options) -> Result<Report, InspectError> {
-    let builder =
-        Builder { path: path.to_path_buf(), list: options.list, notes: Vec::new(), parts: Vec::new() };
+pub fn inspect<'p>(
+    path: &Path,
+    options: &Options,
+    progress: &'p mut Progress<'p>,
+) -> Result<Report, InspectError> {
+    let builder = Builder {
+        path: path.to_path_buf(),
+        progress,
+        list: options.list,
+        notes: Vec::new(),
+        parts: Vec::new(),
+    };
     match detect(path)? {
         Format::AdcBin | Format::AdcNpy => adc::inspect(builder, options),
         Format::Packets => packets::inspect(builder, options),

@@ -51,7 +51,7 @@ struct FramePart {
     chirps_lost: u32,
 }
 
-pub(super) fn inspect(mut builder: Builder, options: &Options) -> Result<Report, InspectError> {
+pub(super) fn inspect(mut builder: Builder<'_>, options: &Options) -> Result<Report, InspectError> {
     let mut recording = Recording::open(&builder.path)?;
     let default = RadarProfile::default();
     // Datagrams can be counted without knowing the profile, frames cannot.
@@ -63,7 +63,7 @@ pub(super) fn inspect(mut builder: Builder, options: &Options) -> Result<Report,
     let mut client: BTreeMap<SocketAddrV4, llrp::Stream> = BTreeMap::new();
     let (mut radar_commands, mut other_datagrams, mut other_streams_bytes) = (0, 0, 0);
     let (mut radar, mut uplink, mut last_us) = (false, false, 0);
-    for record in recording.by_ref() {
+    while let Some(record) = recording.next() {
         let record = record?;
         last_us = record.time_us;
         let ports = (record.source.port(), record.destination.port());
@@ -103,6 +103,7 @@ pub(super) fn inspect(mut builder: Builder, options: &Options) -> Result<Report,
             }
             (Protocol::Tcp { .. }, _) => other_streams_bytes += record.payload.len() as u64,
         }
+        builder.go_on(recording.share_read())?;
     }
     let counts = recording.counts();
     if counts.packets == 0 {

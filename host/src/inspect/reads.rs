@@ -67,7 +67,7 @@ struct ReadPart {
     invalid: Option<crate::phase::Invalid>,
 }
 
-pub(super) fn inspect(mut builder: Builder, options: &Options) -> Result<Report, InspectError> {
+pub(super) fn inspect(mut builder: Builder<'_>, options: &Options) -> Result<Report, InspectError> {
     let table = ReadTable::open(&builder.path)?;
     let settings = Settings { scene: options.scene, ..Settings::default() };
     let (samples, phase) = analyse(&table.reads, settings.clone());

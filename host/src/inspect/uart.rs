@@ -82,7 +82,7 @@ fn period_s(cycles: &[(u32, u32)]) -> Option<f64> {
 }
 
 pub(super) fn inspect(
-    mut builder: Builder,
+    mut builder: Builder<'_>,
     bytes: &[u8],
     format: &'static str,
 ) -> Result<Report, InspectError> {

@@ -1,8 +1,6 @@
 //! Recordings of every kind into the bridge.
 
 use std::collections::HashMap;
-use std::fs::File;
-use std::io::Read;
 use std::net::SocketAddrV4;
 use std::path::Path;
 
@@ -153,16 +151,11 @@ fn packets(
     notes: &mut Vec<String>,
     progress: &mut dyn FnMut(f64) -> bool,
 ) -> Result<(), ReplayError> {
-    let read_error = |source| InspectError::Read { path: path.to_path_buf(), source };
-    let mut file = File::open(path).map_err(read_error)?;
-    let total = file.metadata().map_err(read_error)?.len();
-    // Counts what is read of the file itself, which may be compressed.
-    let done = std::sync::Arc::new(std::sync::atomic::AtomicU64::new(0));
-    let counted = Counted { done: done.clone(), file: file.by_ref().try_clone().map_err(read_error)? };
-    let recording = Recording::from_reader(path, counted).map_err(InspectError::from)?;
+    let mut recording = Recording::open(path).map_err(InspectError::from)?;
     let mut readers: HashMap<SocketAddrV4, Observer> = HashMap::new();
     let (mut now, mut unused, mut raw) = (BridgeTime::default(), 0u64, false);
-    for (i, record) in recording.enumerate() {
+    let mut records = 0;
+    while let Some(record) = recording.next() {
         let record = record.map_err(InspectError::from)?;
         now = BridgeTime(record.time_us);
         match (record.protocol, record.source.port(), record.destination.port()) {
@@ -186,8 +179,8 @@ fn packets(
             }
             _ => {}
         }
-        let at = done.load(std::sync::atomic::Ordering::Relaxed) as f64 / total.max(1) as f64;
-        if i.is_multiple_of(PROGRESS_STEP) && !progress(at) {
+        records += 1;
+        if (records as usize).is_multiple_of(PROGRESS_STEP) && !progress(recording.share_read()) {
             return Err(ReplayError::Interrupted);
         }
     }
@@ -195,19 +188,6 @@ fn packets(
         notes.push(format!("{unused} radar datagrams were not used: give --profile"));
     }
     finish(bridge, now)
-}
-
-struct Counted {
-    done: std::sync::Arc<std::sync::atomic::AtomicU64>,
-    file: File,
-}
-
-impl Read for Counted {
-    fn read(&mut self, buffer: &mut [u8]) -> std::io::Result<usize> {
-        let n = self.file.read(buffer)?;
-        self.done.fetch_add(n as u64, std::sync::atomic::Ordering::Relaxed);
-        Ok(n)
-    }
 }
 
 /// Longest LLRP message.
