@@ -128,7 +128,7 @@ pub struct LinkCounts {
     pub packets_malformed: u64,
     /// Frames handed on.
     pub frames: u64,
-    /// Frames handed on with rows or covariance missing.
+    /// Frames handed on with rows, a map, the covariance or the last packet missing.
     pub frames_with_holes: u64,
     /// Restarts of the bridge.
     pub restarts: u64,
@@ -250,9 +250,12 @@ impl Receiver {
 
     fn hand_on(&mut self, frame: RadarFrame) {
         self.counts.frames += 1;
-        let map_has_holes = |m: &HeatMap| m.rows_missing() > 0;
         let maps = [&frame.range_doppler, &frame.range_time];
-        let holes = maps.iter().any(|m| m.as_ref().is_some_and(map_has_holes)) || frame.info.is_none();
+        let rows_missing = maps.iter().any(|m| m.as_ref().is_some_and(|m| m.rows_missing() > 0));
+        // A frame of raw samples has both maps and a covariance; what the radar's UART sends is its own affair.
+        let raw = frame.info.is_some_and(|i| i.chirps > 0);
+        let part_missing = raw && (maps.contains(&&None) || frame.covariance.is_none());
+        let holes = rows_missing || part_missing || frame.info.is_none();
         self.counts.frames_with_holes += u64::from(holes);
         self.ready.push_back(Received::Frame(frame));
     }
@@ -321,6 +324,16 @@ mod tests {
         push(&mut receiver, &sequencer.wrap(BridgeTime(2), rows(2, 0, &[2; 8])));
         let frames = frames(&mut receiver);
         assert_eq!((frames.len(), frames[0].frame, frames[0].info), (1, 1, None));
+    }
+
+    #[test]
+    fn a_frame_of_raw_samples_without_a_map_or_covariance_has_a_hole() {
+        let (mut sequencer, mut receiver) = (Sequencer::new(1), Receiver::new());
+        let raw = |frame| Message::Frame(FrameInfo { frame, chirps: 192, ..FrameInfo::default() });
+        for message in [rows(1, 0, &[1; 8]), raw(1), rows(2, 0, &[1; 8]), info(2)] {
+            push(&mut receiver, &sequencer.wrap(BridgeTime(1), message));
+        }
+        assert_eq!(receiver.counts().frames_with_holes, 1, "the second frame is of a UART");
     }
 
     #[test]
