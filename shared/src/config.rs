@@ -11,6 +11,8 @@ use crate::units::{AntennaPort, Decibels, Seconds};
 
 /// Antenna ports of a reader, at most (Impinj R420: 4; with hubs more, which a scene does not need).
 pub const MAX_READER_ANTENNAS: usize = 4;
+/// Pause between datagrams that a DCA1000EVM takes, us (SPRUIJ4A, table 19).
+pub const PACKET_DELAY_US: core::ops::RangeInclusive<u16> = 5..=500;
 /// TCP port of LLRP (IANA).
 pub const LLRP_PORT: u16 = 5084;
 
@@ -93,7 +95,8 @@ pub enum RadarInput {
 pub enum ClutterRemoval {
     /// None.
     Off,
-    /// Subtracts the mean over a frame's loops, per virtual antenna and range bin. Erases people who sit still.
+    /// Subtracts the mean over a frame's loops, weighted by the Doppler window, per virtual antenna and range bin. Erases
+    /// people who sit still.
     Mean,
     /// Subtracts an exponential average of the frames' means, so that only what stays for much longer than the
     /// time constant is erased.
@@ -298,7 +301,7 @@ impl RadarConfig {
         }
         positive(processing.detection.0)?;
         match *input {
-            RadarInput::Dca1000 { packet_delay_us, .. } if !(5..=500).contains(&packet_delay_us) => {
+            RadarInput::Dca1000 { packet_delay_us, .. } if !PACKET_DELAY_US.contains(&packet_delay_us) => {
                 Err(ConfigError::PacketDelay(packet_delay_us))
             }
             _ => Ok(()),

@@ -6,6 +6,7 @@
 use core::fmt;
 
 use heapless::Vec;
+use rfhoi_shared::config::PACKET_DELAY_US;
 
 const HEADER: [u8; 2] = 0xA55A_u16.to_le_bytes();
 const FOOTER: [u8; 2] = 0xEEAA_u16.to_le_bytes();
@@ -150,7 +151,7 @@ impl Command {
                 data.extend([1, lanes, 1, 2, 3, 30]);
             }
             Self::ConfigurePackets { bytes, delay_us } => {
-                if !(5..=500).contains(&delay_us) {
+                if !PACKET_DELAY_US.contains(&delay_us) {
                     return Err(CommandError::Delay(delay_us));
                 }
                 data.extend(bytes.to_le_bytes());

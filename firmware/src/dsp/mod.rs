@@ -2,8 +2,8 @@
 //!
 //! A chirp goes through the [`RangeStage`] as it arrives: words to numbers, window, range FFT, and the bins of the gate
 //! into the [`Cube`] as 16-bit numbers with one exponent for each row. When the frame is complete the
-//! [`DopplerStage`] takes the cube one range bin at a time: static clutter off, window, Doppler FFT over all virtual
-//! antennas, one row of each map, and the cells that move into the spatial covariance. One range bin is the unit of
+//! [`DopplerStage`] takes the cube one range bin at a time: window, Doppler FFT and static clutter off for all
+//! virtual antennas, one row of each map, and the cells that move into the spatial covariance. One range bin is the unit of
 //! work, so that a scheduler can let reception in between.
 //!
 //! Levels are relative to a full-scale tone, which a window does not change: 0 dB is a complex tone that just

@@ -3,7 +3,7 @@
 use std::collections::{BTreeMap, BTreeSet};
 
 use rfhoi_firmware::llrp::decode::Incoming;
-use rfhoi_firmware::llrp::frame::{FrameError, Framer};
+use rfhoi_firmware::llrp::frame::{FrameError, Framer, HEADER_BYTES};
 use rfhoi_firmware::llrp::message::Message;
 use rfhoi_firmware::llrp::param::Fields;
 use rfhoi_firmware::llrp::report::{TagReport, TagReports};
@@ -13,9 +13,7 @@ use serde::Serialize;
 use super::{Builder, InspectError, Report};
 
 /// Longest message that is kept whole; longer ones are skipped and counted.
-const MAX_MESSAGE: usize = 1 << 20;
-/// Bytes of a message before its body.
-const HEADER: usize = 10;
+pub(crate) const MAX_MESSAGE: usize = 1 << 20;
 
 /// What messages of one direction hold.
 #[derive(Debug, Default, Serialize)]
@@ -78,7 +76,7 @@ impl Figures {
     pub(super) fn message(&mut self, message: &Message<'_>) -> u64 {
         let before = self.tag_reads;
         self.messages += 1;
-        self.message_bytes += (HEADER + message.body.len()) as u64;
+        self.message_bytes += (HEADER_BYTES + message.body.len()) as u64;
         *self.message_types.entry(message.kind.to_string()).or_default() += 1;
         self.unknown_messages += u64::from(message.kind.name().is_none());
         match Incoming::decode(message) {
@@ -149,7 +147,7 @@ pub(super) fn inspect(mut builder: Builder<'_>, bytes: &[u8]) -> Result<Report, 
             offset,
             message: message.kind.to_string(),
             id: message.id,
-            bytes: HEADER + message.body.len(),
+            bytes: HEADER_BYTES + message.body.len(),
             tag_reads,
         };
         offset += part.bytes as u64;

@@ -9,6 +9,8 @@ use super::{Builder, InspectError, Report};
 
 /// Bytes given to the parser at once, as a UART's driver would.
 pub(crate) const CHUNK: usize = 4096;
+/// Longest TLV frame.
+pub(crate) const MAX_FRAME: usize = 256 * 1024;
 /// Clock of `timeCpuCycles` in the frame header, Hz.
 const RADAR_CLOCK_HZ: f64 = 200e6;
 
@@ -86,7 +88,7 @@ pub(super) fn inspect(
     bytes: &[u8],
     format: &'static str,
 ) -> Result<Report, InspectError> {
-    let mut parser = Box::new(StreamParser::<{ 256 * 1024 }>::new(HeaderFormat::Subframe));
+    let mut parser = Box::new(StreamParser::<MAX_FRAME>::new(HeaderFormat::Subframe));
     let mut figures = Figures { bytes: bytes.len(), ..Figures::default() };
     let mut cycles = Vec::new();
     let mut take = |frame: &Frame<'_>| {

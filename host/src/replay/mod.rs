@@ -26,7 +26,7 @@ use serde::Serialize;
 
 use crate::atomic::WriteError;
 use crate::detect::DetectError;
-use crate::inspect::{InspectError, MAX_CHIRP, ReadFigures};
+use crate::inspect::{InspectError, MAX_CHIRP, MAX_TLV_FRAME, ReadFigures};
 use crate::npz::NpzError;
 use crate::plot::PlotError;
 use crate::receive::{LinkCounts, RadarFrame, Received, Receiver};
@@ -89,8 +89,6 @@ pub enum ReplayError {
 
 /// Bytes for one gated cube on a PC: that of the largest profile with all its bins.
 const CUBE_CELLS: usize = 12 * 256 * 256;
-/// Longest TLV frame.
-const MAX_TLV_FRAME: usize = 256 * 1024;
 
 enum Radar<'m> {
     /// Not begun; memory for one cube.

@@ -18,7 +18,7 @@ use rfhoi_shared::wire::BRIDGE_PORT;
 use super::{Bridge, ReplayError};
 use crate::datagrams::Datagrams;
 use crate::detect::{Format, detect};
-use crate::inspect::{InspectError, UART_CHUNK};
+use crate::inspect::{InspectError, MAX_LLRP_MESSAGE, UART_CHUNK};
 use crate::reads::ReadTable;
 use crate::recording::{Protocol, Recording};
 use crate::samples::RawSamples;
@@ -190,12 +190,9 @@ fn packets(
     finish(bridge, now)
 }
 
-/// Longest LLRP message.
-const MAX_MESSAGE: usize = 1 << 20;
-
 /// Listens to what a reader says to a client.
 struct Observer {
-    framer: Box<Framer<MAX_MESSAGE>>,
+    framer: Box<Framer<MAX_LLRP_MESSAGE>>,
     reads: ObservedReads,
     failed: bool,
 }

@@ -87,7 +87,8 @@ pub struct FrameInfo {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum MapKind {
-    /// Range x time within the frame: row = range bin of the gate, column = group of loops, oldest first.
+    /// Range x time within the frame, of the first receiver of each transmitter slot: row = range bin of the gate, column =
+    /// group of loops, oldest first.
     RangeTime,
     /// Range x Doppler: row = range bin of the gate, column = Doppler bin from `-loops/2` to `loops/2 - 1`.
     RangeDoppler,
