@@ -9,8 +9,8 @@ use rfhoi_shared::radar::RangeGate;
 use rfhoi_shared::tag::TagRead;
 use rfhoi_shared::units::BridgeTime;
 use rfhoi_shared::wire::{
-    Ack, Covariance, FrameInfo, Header, Hello, HopTable, LogScale, MapKind, MapRows, Message, Packet, Point,
-    Stream, Telemetry, WireError,
+    Ack, Covariance, FrameInfo, Header, Hello, HopTable, LogScale, MapKind, MapRows, Message, Notice, Packet,
+    Point, Stream, Telemetry, WireError,
 };
 use serde::Serialize;
 
@@ -109,6 +109,8 @@ pub enum Received {
     Config(rfhoi_shared::config::BridgeConfig),
     /// Outcome of a command.
     Ack(Ack),
+    /// Something that a person should know.
+    Notice(Notice),
     /// The bridge has started anew; counts of its streams begin again.
     Restarted,
 }
@@ -235,6 +237,7 @@ impl Receiver {
             Message::Hello(hello) => self.ready.push_back(Received::Hello(hello)),
             Message::Config(config) => self.ready.push_back(Received::Config(config)),
             Message::Ack(ack) => self.ready.push_back(Received::Ack(ack)),
+            Message::Notice(notice) => self.ready.push_back(Received::Notice(notice)),
             // Only hosts send these.
             Message::Command(_) => self.counts.packets_malformed += 1,
         }

@@ -161,6 +161,7 @@ impl Mapping {
             chirps_lost,
             clipped,
             moving_cells: moving.cells(),
+            latency_us: 0,
         };
         uplink.send(time, Message::Frame(info), &mut *send);
     }

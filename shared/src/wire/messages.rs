@@ -13,6 +13,10 @@ use crate::units::{BridgeTime, Kilohertz};
 pub const MAX_MAP_BYTES: usize = 1408;
 /// Reads in one packet, at most: with the longest EPCs they still fit a datagram.
 pub const MAX_READS: usize = 16;
+/// Bytes of a board's name, at most.
+pub const MAX_BOARD_NAME: usize = 16;
+/// Bytes of a notice, at most.
+pub const MAX_NOTICE: usize = 160;
 /// Points in one packet, at most.
 pub const MAX_POINTS: usize = 64;
 /// Channels of a hop table, at most (FCC: 50).
@@ -50,6 +54,8 @@ pub enum Message<'a> {
     Ack(Ack),
     /// What the host asks.
     Command(Command),
+    /// Something that a person should know.
+    Notice(Notice),
 }
 
 impl Message<'_> {
@@ -59,7 +65,9 @@ impl Message<'_> {
             Self::Frame(_) | Self::MapRows(_) | Self::Covariance(_) | Self::Points(_) => Stream::Radar,
             Self::Tags(_) | Self::HopTable(_) => Stream::Tags,
             Self::Telemetry(_) => Stream::Telemetry,
-            Self::Hello(_) | Self::Config(_) | Self::Ack(_) | Self::Command(_) => Stream::Control,
+            Self::Hello(_) | Self::Config(_) | Self::Ack(_) | Self::Command(_) | Self::Notice(_) => {
+                Stream::Control
+            }
         }
     }
 }
@@ -81,6 +89,8 @@ pub struct FrameInfo {
     pub clipped: u32,
     /// Range-Doppler cells that counted as moving.
     pub moving_cells: u32,
+    /// From the arrival of the frame's last bytes to this message, us.
+    pub latency_us: u32,
 }
 
 /// Which heatmap.
@@ -196,6 +206,46 @@ pub enum ReaderState {
     Occupied,
 }
 
+/// State of the radar as the bridge drives it.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default, Serialize, Deserialize)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub enum RadarState {
+    /// Stopped by command.
+    #[default]
+    Stopped,
+    /// Waiting before the next attempt.
+    Waiting,
+    /// The DCA1000EVM is being set up.
+    Recorder,
+    /// The radar is being programmed over its command line.
+    Programming,
+    /// Set up; nothing has come yet, or nothing comes any more.
+    Silent,
+    /// Data arrives.
+    Streaming,
+}
+
+/// Why the bridge started.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default, Serialize, Deserialize)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub enum RestartReason {
+    /// The board cannot tell.
+    #[default]
+    Unknown,
+    /// Power came on.
+    PowerOn,
+    /// The supply sagged.
+    BrownOut,
+    /// The reset button or pin.
+    Pin,
+    /// A host asked for it, or a configuration took effect.
+    Command,
+    /// The watchdog was not fed: the firmware hung.
+    Watchdog,
+    /// The firmware found itself in a state that cannot be; its log says which.
+    Panic,
+}
+
 /// Counts of the radar's raw data path since the bridge started.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
@@ -256,8 +306,14 @@ pub struct Telemetry {
     pub uplink_dropped: u32,
     /// Frames for which the processor was too slow.
     pub overruns: u32,
-    /// Share of the time that the processor was busy, in thousandths.
-    pub load_permille: u16,
+    /// Datagrams on the bridge's ports for commands and for the recorder's answers that are neither.
+    pub strays: u32,
+    /// State of the radar.
+    pub radar: RadarState,
+    /// Why the bridge started.
+    pub restart: RestartReason,
+    /// Time that the processor has worked since the bridge started, us; with the packet's time it gives the load.
+    pub busy_us: u64,
     /// Temperature of the bridge's MCU, 0.1 degrees Celsius.
     pub bridge_decicelsius: Option<i16>,
     /// Temperature of the radar, 0.1 degrees Celsius.
@@ -269,13 +325,23 @@ pub struct Telemetry {
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Hello {
     /// Board name.
-    pub board: String<16>,
+    pub board: String<MAX_BOARD_NAME>,
+    /// The board's MAC address, by which bridges are told apart.
+    pub id: [u8; 6],
     /// Firmware version: major, minor, patch.
     pub firmware: [u8; 3],
     /// Memory for one gated cube, bytes.
     pub cube_bytes: u32,
     /// Fingerprint of the profile in force.
     pub profile: u32,
+}
+
+/// Something that a person should know: what a device refused, or why a link was lost.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct Notice {
+    /// One sentence; cut where it is too long.
+    pub text: String<MAX_NOTICE>,
 }
 
 /// What the host asks, with a number that the answer repeats.
@@ -300,7 +366,7 @@ pub enum Request {
     Hello,
     /// Say [`Message::Config`].
     GetConfig,
-    /// Take this configuration, as a whole or not at all.
+    /// Take this configuration, as a whole or not at all: the bridge checks and keeps it, answers, and restarts with it.
     Configure(BridgeConfig),
     /// Start radar and reader.
     Start,
@@ -330,6 +396,8 @@ pub enum Refusal {
     Config(ConfigError),
     /// Not in this state: for example a configuration while the radar runs.
     Busy,
+    /// The board could not keep the configuration; nothing has changed.
+    NotKept,
 }
 
 impl core::fmt::Display for Refusal {
@@ -337,6 +405,9 @@ impl core::fmt::Display for Refusal {
         match self {
             Self::Config(e) => write!(f, "configuration refused: {e}"),
             Self::Busy => write!(f, "busy: stop radar and reader first"),
+            Self::NotKept => {
+                write!(f, "the board's memory did not take the configuration; nothing has changed")
+            }
         }
     }
 }

@@ -6,17 +6,18 @@
 //!
 //! | message | direction | stream | what it carries | bytes, smallest to largest |
 //! |---|---|---|---|---|
-//! | `Frame` | up | radar | one radar frame: number, profile, losses, clipping, moving cells | 16 to 55 |
+//! | `Frame` | up | radar | one radar frame: number, profile, losses, clipping, moving cells, latency | 17 to 60 |
 //! | `MapRows` | up | radar | rows of a heatmap as u8 on a stated dB scale | 26 to 1461 |
 //! | `Covariance` | up | radar | spatial covariance of the moving cells, packed Hermitian | 17 to 609 |
 //! | `Points` | up | radar | points detected by the radar itself (UART) | 12 to 1311 |
 //! | `Tags` | up | tags | tag reads | 11 to 1450 |
 //! | `HopTable` | up | tags | the reader's channels in kHz | 12 to 349 |
-//! | `Telemetry` | up | telemetry | losses, overruns, temperatures, load, reader's state | 29 to 112 |
-//! | `Hello` | up | control | who the bridge is, what it can hold | 16 to 55 |
+//! | `Telemetry` | up | telemetry | losses, overruns, temperatures, load, states, why it started | 32 to 126 |
+//! | `Hello` | up | control | who the bridge is, what it can hold | 22 to 61 |
 //! | `Config` | up | control | the configuration in force | 66 to 174 |
 //! | `Ack` | up | control | a command's outcome | 13 to 51 |
 //! | `Command` | down | control | what the host asks | 12 to 178 |
+//! | `Notice` | up | control | a sentence for a person | 11 to 187 |
 //!
 //! Sizes include the header (9 to 24 bytes) and are held by a test; the largest fits one datagram ([`MAX_PACKET`]).
 //! Over UDP a packet is a datagram. Over a serial line it is followed by its CRC and COBS-framed ([`serial`]).
@@ -37,7 +38,7 @@ use crate::units::BridgeTime;
 /// First bytes of every packet.
 pub const MAGIC: [u8; 4] = *b"RFHO";
 /// Version of the contract; changes with any change of layout.
-pub const VERSION: u8 = 1;
+pub const VERSION: u8 = 2;
 /// Largest packet in bytes: UDP payload of an unfragmented Ethernet frame (1500 - 20 IP - 8 UDP).
 pub const MAX_PACKET: usize = 1472;
 /// UDP port on which a bridge takes commands and from which it sends.

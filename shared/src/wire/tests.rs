@@ -101,6 +101,7 @@ fn extremes() -> Vec<(&'static str, Message<'static>, Message<'static>)> {
             chirps_lost: n,
             clipped: n,
             moving_cells: n,
+            latency_us: n,
         })
     };
     let covariance = |frame, antennas, n| {
@@ -132,16 +133,20 @@ fn extremes() -> Vec<(&'static str, Message<'static>, Message<'static>)> {
         },
         uplink_dropped: big,
         overruns: big,
-        load_permille: u16::MAX,
+        strays: big,
+        radar: RadarState::Streaming,
+        restart: RestartReason::Panic,
+        busy_us: u64::MAX,
         bridge_decicelsius: Some(i16::MIN),
         radar_decicelsius: Some(i16::MIN),
     };
     let hello = |board: &str, n, v| {
         let board = heapless::String::try_from(board).unwrap();
-        Message::Hello(Hello { board, firmware: [v; 3], cube_bytes: n, profile: n })
+        Message::Hello(Hello { board, id: [v; 6], firmware: [v; 3], cube_bytes: n, profile: n })
     };
     let ack = |id, at, outcome| Message::Ack(Ack { id, at: BridgeTime(at), outcome });
     let too_large = ConfigError::CubeTooLarge { needed: big, available: big };
+    let notice = |text: &str| Message::Notice(Notice { text: heapless::String::try_from(text).unwrap() });
     let command = |id, request| Message::Command(Command { id, request });
     Vec::from([
         ("Frame", info(0), info(big)),
@@ -155,6 +160,7 @@ fn extremes() -> Vec<(&'static str, Message<'static>, Message<'static>)> {
         ("Config", Message::Config(smallest_config()), Message::Config(largest_config())),
         ("Ack", ack(0, 0, Ok(())), ack(u16::MAX, u64::MAX, Err(Refusal::Config(too_large)))),
         ("Command", command(0, Request::Hello), command(u16::MAX, Request::Configure(largest_config()))),
+        ("Notice", notice(""), notice(&"x".repeat(MAX_NOTICE))),
     ])
 }
 
@@ -186,7 +192,7 @@ fn the_modules_table_has_every_message_with_its_sizes() {
 }
 
 #[test]
-fn layout_of_version_1() {
+fn layout_of_version_2() {
     // A change here is a change of the contract: it needs a new VERSION.
     let mut text = String::new();
     for (name, small, _) in extremes() {
@@ -195,17 +201,18 @@ fn layout_of_version_1() {
         text += &format!("{name}: {}\n", bytes.collect::<String>());
     }
     expect![[r#"
-        Frame: 5246484f010000000000000000000000
-        MapRows: 5246484f010000000001010000010000000002c30000003f0100
-        Covariance: 5246484f0100000000020001010000803f
-        Points: 5246484f0100000000030000
-        Tags: 5246484f01000100000400
-        HopTable: 5246484f0100010000050000
-        Telemetry: 5246484f01000200000600000000000000000000000000000000000000
-        Hello: 5246484f010003000007000000000000
-        Config: 5246484f0100030000080000c0dadb24e0d403b429f02ee8fb038001981100010f010140a08d060000010048000800004041010033334340000080400000c03f0604
-        Ack: 5246484f010003000009000000
-        Command: 5246484f01000300000a0000
+        Frame: 5246484f02000000000000000000000000
+        MapRows: 5246484f020000000001010000010000000002c30000003f0100
+        Covariance: 5246484f0200000000020001010000803f
+        Points: 5246484f0200000000030000
+        Tags: 5246484f02000100000400
+        HopTable: 5246484f0200010000050000
+        Telemetry: 5246484f02000200000600000000000000000000000000000000000000000000
+        Hello: 5246484f020003000007000000000000000000000000
+        Config: 5246484f0200030000080000c0dadb24e0d403b429f02ee8fb038001981100010f010140a08d060000010048000800004041010033334340000080400000c03f0604
+        Ack: 5246484f020003000009000000
+        Command: 5246484f02000300000a0000
+        Notice: 5246484f02000300000b00
     "#]].assert_eq(&text);
 }
 
