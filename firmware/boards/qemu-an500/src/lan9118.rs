@@ -9,12 +9,13 @@
 
 use core::arch::asm;
 use core::cell::RefCell;
-use core::sync::atomic::{AtomicU32, Ordering};
+use core::sync::atomic::{AtomicBool, AtomicU32, Ordering};
 use core::task::Context;
 
 use critical_section::Mutex;
 use embassy_net_driver::{Capabilities, Driver, HardwareAddress, LinkState};
 use embassy_sync::blocking_mutex::raw::CriticalSectionRawMutex;
+use embassy_sync::waitqueue::AtomicWaker;
 use embassy_sync::zerocopy_channel::{Channel, Receiver, Sender};
 use static_cell::{ConstStaticCell, StaticCell};
 
@@ -68,8 +69,9 @@ const TX_FIF_SZ: u32 = 2 << 16;
 const IRQ_EN: u32 = 1 << 8;
 const IRQ_POL: u32 = 1 << 4;
 const IRQ_TYPE: u32 = 1;
-/// INT_STS, INT_EN: more entries in the RX status FIFO than FIFO_INT 7:0.
+/// INT_STS, INT_EN: more entries in the RX status FIFO than FIFO_INT 7:0; an interrupt of the PHY.
 const RSFL_INT: u32 = 1 << 3;
+const PHY_INT: u32 = 1 << 18;
 /// RX_CFG 31:30: frames padded to 32 bytes, a block.
 const RX_EA_32: u32 = 2 << 30;
 /// TX_CFG: transmitter on.
@@ -100,6 +102,8 @@ const RXEN: u32 = 1 << 2;
 // Registers of the internal PHY, at address 1, behind MII_ACC and MII_DATA (5.5).
 const PHY_CONTROL: u32 = 0;
 const PHY_STATUS: u32 = 1;
+const PHY_INT_SOURCE: u32 = 29;
+const PHY_INT_MASK: u32 = 30;
 const PHY_ADDRESS: u32 = 1 << 11;
 const MII_WRITE: u32 = 1 << 1;
 const MII_BUSY: u32 = 1;
@@ -107,6 +111,8 @@ const MII_BUSY: u32 = 1;
 const AUTO_NEGOTIATE: u32 = 1 << 12 | 1 << 9;
 /// PHY_STATUS: link is up.
 const LINK_UP: u32 = 1 << 2;
+/// PHY_INT_SOURCE, PHY_INT_MASK: auto-negotiation complete, link down.
+const LINK_CHANGED: u32 = 1 << 6 | 1 << 4;
 
 /// Looks at a register before the device counts as dead.
 const PATIENCE: u32 = 1_000_000;
@@ -157,6 +163,10 @@ pub fn losses() -> Losses {
     }
 }
 
+/// As the PHY last said; asking it anew takes 50 us on hardware.
+static LINK: AtomicBool = AtomicBool::new(false);
+static LINK_WAKER: AtomicWaker = AtomicWaker::new();
+
 /// A slot of the ring.
 #[repr(C, align(4))]
 struct Frame {
@@ -202,6 +212,9 @@ fn read_block(block: &mut [u32; BLOCK_WORDS]) {
 }
 
 pub(crate) extern "C" fn on_interrupt() {
+    if INT_STS.read() & PHY_INT != 0 {
+        read_link();
+    }
     // Cleared first: a frame that comes from here on raises it again.
     INT_STS.write(RSFL_INT);
     // RX status entries, 23:16.
@@ -260,6 +273,13 @@ fn phy_read(register: u32) -> u32 {
     mac_read(MII_DATA)
 }
 
+/// Clears the PHY's interrupt and sees whether the link is up.
+fn read_link() {
+    phy_read(PHY_INT_SOURCE);
+    LINK.store(phy_read(PHY_STATUS) & LINK_UP != 0, Ordering::Relaxed);
+    LINK_WAKER.wake();
+}
+
 /// The device, started.
 pub struct Lan9118 {
     mac: [u8; 6],
@@ -288,17 +308,20 @@ impl Lan9118 {
         let [a, b, c, d, e, f] = mac;
         mac_write(ADDRL, u32::from_le_bytes([a, b, c, d]));
         mac_write(ADDRH, u32::from_le_bytes([e, f, 0, 0]));
+        phy_write(PHY_INT_MASK, LINK_CHANGED);
         phy_write(PHY_CONTROL, AUTO_NEGOTIATE);
+        read_link();
+
+        mac_write(MAC_CR, FDPX | TXEN | RXEN);
 
         let (sender, received) = RING.init(Channel::new(SLOTS.take())).split();
         critical_section::with(|cs| RECEIVED.borrow_ref_mut(cs).replace(sender));
         // At the first frame.
         FIFO_INT.write(0);
         INT_STS.write(u32::MAX);
-        INT_EN.write(RSFL_INT);
+        INT_EN.write(RSFL_INT | PHY_INT);
         IRQ_CFG.write(IRQ_EN | IRQ_POL | IRQ_TYPE);
         interrupts::enable(Interrupt::Ethernet);
-        mac_write(MAC_CR, FDPX | TXEN | RXEN);
         Ok(Self { mac, received, transmit: [0; FRAME_BYTES] })
     }
 
@@ -339,8 +362,9 @@ impl Driver for Lan9118 {
         Some(TxToken(&mut self.transmit))
     }
 
-    fn link_state(&mut self, _: &mut Context<'_>) -> LinkState {
-        if phy_read(PHY_STATUS) & LINK_UP == 0 { LinkState::Down } else { LinkState::Up }
+    fn link_state(&mut self, cx: &mut Context<'_>) -> LinkState {
+        LINK_WAKER.register(cx.waker());
+        if LINK.load(Ordering::Relaxed) { LinkState::Up } else { LinkState::Down }
     }
 
     fn capabilities(&self) -> Capabilities {

@@ -9,6 +9,7 @@
 pub mod idle;
 pub mod interrupts;
 pub mod lan9118;
+pub mod tap;
 pub mod timer;
 pub mod uart;
 
