@@ -34,7 +34,7 @@ pub const PATIENCE: Duration = Duration::from_secs(60);
 /// Wait before a command is sent again.
 const AGAIN: Duration = Duration::from_millis(500);
 /// Pause where nothing has happened.
-const PAUSE: Duration = Duration::from_micros(200);
+const PAUSE: Duration = Duration::from_micros(50);
 
 /// The folder of the workspace.
 fn workspace() -> PathBuf {
@@ -354,6 +354,25 @@ impl Machine {
     /// If the network of this machine does not take it.
     pub fn send_data(&self, datagram: &[u8]) {
         self.recorder_data.send_to(datagram, self.data).expect("loopback takes it");
+    }
+
+    /// Waits until QEMU has taken all datagrams sent so far; they are then in the device, in their order.
+    ///
+    /// # Panics
+    /// If it does not take them.
+    pub fn wait_for_qemu(&self) {
+        // The kernel's table of sockets (proc_pid_net(5)): local address and port, then the queues' lengths.
+        let local = format!(" 0100007F:{:04X} ", self.data.port());
+        let start = Instant::now();
+        loop {
+            let table = std::fs::read_to_string("/proc/net/udp").expect("the kernel lists its sockets");
+            let line = table.lines().find(|line| line.contains(&local)).expect("QEMU holds the port");
+            if line.split_whitespace().nth(4).is_some_and(|queues| queues.ends_with(":00000000")) {
+                return;
+            }
+            assert!(start.elapsed() < PATIENCE, "QEMU takes no datagrams");
+            std::thread::sleep(PAUSE);
+        }
     }
 
     /// Sends `bytes` to the bridge's port for commands.

@@ -5,6 +5,8 @@ use core::fmt;
 use rfhoi_shared::config::BridgeConfig;
 use rfhoi_shared::wire::RestartReason;
 
+use crate::bridge::cube_bytes;
+
 /// A board. Called by one task at a time; no call may take longer than a few milliseconds, but [`Board::keep`], which is
 /// only called while the radar is stopped.
 pub trait Board {
@@ -53,12 +55,12 @@ impl core::error::Error for KeepError {}
 const VERSION: [u8; 1] = [rfhoi_shared::wire::VERSION];
 
 /// The configuration to start with: the one kept, or the default where none is kept, or it is of another version or no
-/// longer valid. `cube_bytes` is the memory for one cube.
-pub fn boot_configuration(board: &mut dyn Board, cube_bytes: u32) -> BridgeConfig {
+/// longer valid.
+pub fn boot_configuration(board: &mut dyn Board) -> BridgeConfig {
     let mut buffer = [0; MAX_KEPT];
     let kept = board.kept(&mut buffer).and_then(|bytes| bytes.strip_prefix(&VERSION));
     let config = kept.and_then(|bytes| postcard::from_bytes::<BridgeConfig>(bytes).ok());
-    config.filter(|config| config.validate(cube_bytes).is_ok()).unwrap_or_default()
+    config.filter(|config| config.validate(cube_bytes()).is_ok()).unwrap_or_default()
 }
 
 /// Keeps a configuration for the next start.

@@ -9,40 +9,26 @@
 //! [`Interrupt::ThreadExecutor`], which stays disabled: its pending bit, set by any waker in any context, is the flag
 //! that thread mode has work, and no waker can be missed between looking at it and sleeping.
 
-use core::sync::atomic::{AtomicU32, Ordering};
+use core::cell::Cell;
 
 use cortex_m::asm;
 use cortex_m::interrupt::{self, InterruptNumber};
 use cortex_m::peripheral::NVIC;
+use critical_section::Mutex;
 use embassy_executor::{Spawner, raw};
 use static_cell::StaticCell;
 
 use crate::interrupts::Interrupt;
-use crate::timer::Counts;
+use crate::timer::{self, Counts};
 
 static EXECUTOR: StaticCell<raw::Executor> = StaticCell::new();
 
-/// Idle counts of 40 ns, modulo 2^32 (171 s).
-static IDLE: AtomicU32 = AtomicU32::new(0);
+/// Idle counts of 40 ns.
+static IDLE: Mutex<Cell<u64>> = Mutex::new(Cell::new(0));
 
-/// A reading of the clocks of work and idleness.
-#[derive(Debug, Clone, Copy, Default)]
-pub struct Load {
-    all: Counts,
-    idle: u32,
-}
-
-impl Load {
-    /// The present reading; take one less than 171 s later for the difference.
-    pub fn now() -> Self {
-        critical_section::with(|_| Self { all: Counts::now(), idle: IDLE.load(Ordering::Relaxed) })
-    }
-
-    /// Counts of 40 ns since `earlier` in which the processor worked, and all of them.
-    pub fn since(self, earlier: Self) -> (u64, u64) {
-        let all = self.all - earlier.all;
-        (all.saturating_sub(u64::from(self.idle.wrapping_sub(earlier.idle))), all)
-    }
+/// Time that the processor has slept, us.
+pub fn idle_us() -> u64 {
+    critical_section::with(|cs| IDLE.borrow(cs).get()) / u64::from(timer::COUNTS_PER_US)
 }
 
 /// Runs thread mode's tasks for ever; `init` spawns the first.
@@ -73,7 +59,10 @@ fn sleep() {
             asm::dsb();
             asm::wfi();
             let slept = Counts::now() - from;
-            IDLE.store(IDLE.load(Ordering::Relaxed).wrapping_add(slept as u32), Ordering::Relaxed);
+            critical_section::with(|cs| {
+                let idle = IDLE.borrow(cs);
+                idle.set(idle.get().wrapping_add(slept));
+            });
         }
     });
     // What ended the sleep runs here, before the flag is looked at again.

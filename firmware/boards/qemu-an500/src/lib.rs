@@ -6,10 +6,11 @@
 //! `hw/arm/mps2.c`.
 #![no_std]
 
+pub mod device;
 pub mod idle;
 pub mod interrupts;
+pub mod kept;
 pub mod lan9118;
-pub mod tap;
 pub mod timer;
 pub mod uart;
 

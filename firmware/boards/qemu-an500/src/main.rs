@@ -1,87 +1,78 @@
-//! Smoke test.
+//! The bridge on QEMU's mps2-an500.
+//!
+//! The network's executor runs in an interrupt and has everything but signal processing, which has thread mode.
 #![no_std]
 #![no_main]
-#![allow(missing_docs)]
 
-use board::{idle, interrupts, lan9118::Lan9118, timer, uart};
+use board::device::An500;
+use board::lan9118::Lan9118;
+use board::{idle, interrupts, timer, uart};
+use defmt::unwrap;
 use embassy_executor::Spawner;
-use embassy_net::udp::{PacketMetadata, UdpSocket};
-use embassy_net::{Config, Runner, Stack, StackResources};
-use embassy_time::{Duration, Instant, Timer};
-use embedded_io_async::{Read, Write};
+use embassy_net::{Runner, Stack, StackResources};
+use num_complex::Complex;
 use panic_semihosting as _;
+use rfhoi_bridge::{
+    Board, Bridge, CUBE_CELLS, Handover, Parts, SOCKETS, Tap, boot_configuration, ip_configuration,
+    radar_control, radar_uart, spawn_dsp,
+};
+use rfhoi_firmware::dsp::DopplerStage;
 use static_cell::{ConstStaticCell, StaticCell};
 
-#[embassy_executor::task]
-async fn net(mut runner: Runner<'static, Lan9118>) -> ! {
-    runner.run().await
-}
+/// Rates of the radar's UARTs (SDK demo).
+const CONSOLE_BAUD: u32 = 115_200;
+const DATA_BAUD: u32 = 921_600;
 
-static RESOURCES: StaticCell<StackResources<4>> = StaticCell::new();
-static RX: ConstStaticCell<[u8; 65536]> = ConstStaticCell::new([0; 65536]);
+type Network = Tap<Lan9118, &'static Bridge>;
 
-#[embassy_executor::task]
-async fn udp(stack: Stack<'static>) {
-    stack.wait_config_up().await;
-    defmt::info!("address {}", stack.config_v4());
-    static META: ConstStaticCell<[PacketMetadata; 64]> = ConstStaticCell::new([PacketMetadata::EMPTY; 64]);
-    let mut tx_meta = [PacketMetadata::EMPTY; 1];
-    let mut tx = [0; 64];
-    let mut socket = UdpSocket::new(stack, META.take(), RX.take(), &mut tx_meta, &mut tx);
-    defmt::unwrap!(socket.bind(4098));
-    let mut count = 0u32;
-    let mut from = idle::Load::now();
-    loop {
-        socket.recv_from_with(|data, _| core::hint::black_box(data.len())).await;
-        count += 1;
-        if count % 100 == 0 {
-            let now = idle::Load::now();
-            let (busy, all) = now.since(from);
-            defmt::info!(
-                "{} datagrams, busy {} all {} losses {}",
-                count,
-                busy * 40 / 100,
-                all * 40 / 100,
-                board::lan9118::losses()
-            );
-            from = idle::Load::now();
-        }
-    }
-}
-
-#[embassy_executor::task]
-async fn start() {
-    // SAFETY: this task runs on an executor of embassy.
-    let spawner2 = unsafe { Spawner::for_current_executor() }.await;
-    let driver = defmt::unwrap!(Lan9118::start([2, 0, 0, 0, 0, 1]));
-    let (stack, runner) = embassy_net::new(
-        driver,
-        Config::dhcpv4(Default::default()),
-        RESOURCES.init(StackResources::new()),
-        1,
-    );
-    spawner2.spawn(defmt::unwrap!(net(runner)));
-    spawner2.spawn(defmt::unwrap!(udp(stack)));
-}
-
-#[embassy_executor::task]
-async fn tick() {
-    let (mut rx, mut tx) = uart::UART0.open(115_200);
-    let _ = tx.write_all(b"hello\n").await;
-    let mut b = [0; 64];
-    let n = rx.read(&mut b).await;
-    defmt::info!("uart {} {=[u8]:a}", n, b[..3]);
-    loop {
-        Timer::after(Duration::from_secs(1)).await;
-        defmt::info!("{}", Instant::now());
-    }
-}
+static CUBES: ConstStaticCell<[Complex<i16>; CUBE_CELLS]> =
+    ConstStaticCell::new([Complex::new(0, 0); CUBE_CELLS]);
+static DOPPLER: ConstStaticCell<DopplerStage> = ConstStaticCell::new(DopplerStage::new());
+static HANDOVER: Handover = Handover::new();
+static BOARD: StaticCell<An500> = StaticCell::new();
+static BRIDGE: StaticCell<Bridge> = StaticCell::new();
+static SOCKET_MEMORY: StaticCell<StackResources<SOCKETS>> = StaticCell::new();
 
 #[cortex_m_rt::entry]
 fn main() -> ! {
     timer::start();
-    interrupts::start_network_executor().spawn(defmt::unwrap!(start()));
-    idle::run(|spawner| {
-        spawner.spawn(defmt::unwrap!(tick()));
-    })
+    let board = BOARD.init(An500::new());
+    let boot = board.seed() as u16;
+    let config = boot_configuration(board);
+    let radar = config.radar.clone();
+    let parts = Parts { board, config, boot, handover: &HANDOVER, cubes: CUBES.take() };
+    interrupts::start_network_executor().spawn(unwrap!(network(parts)));
+    idle::run(|spawner| unwrap!(spawn_dsp(spawner, &HANDOVER, radar, boot, DOPPLER.take())))
+}
+
+/// Starts everything that has to do with the network, on its executor.
+#[embassy_executor::task]
+async fn network(parts: Parts) {
+    // SAFETY: this is a task of embassy's executor.
+    let spawner = unsafe { Spawner::for_current_executor() }.await;
+    let (id, seed, ip) = (parts.board.id(), parts.board.seed(), ip_configuration(&parts.config));
+    let bridge: &'static Bridge = BRIDGE.init(Bridge::new(parts));
+    let driver = bridge.tap(unwrap!(Lan9118::start(id)));
+    let (stack, runner) = embassy_net::new(driver, ip, SOCKET_MEMORY.init(StackResources::new()), seed);
+    spawner.spawn(unwrap!(run_stack(runner)));
+    spawner.spawn(unwrap!(control(bridge, stack)));
+    spawner.spawn(unwrap!(data(bridge)));
+    unwrap!(bridge.spawn(spawner, stack));
+}
+
+#[embassy_executor::task]
+async fn run_stack(mut runner: Runner<'static, Network>) -> ! {
+    runner.run().await
+}
+
+#[embassy_executor::task]
+async fn control(bridge: &'static Bridge, stack: Stack<'static>) {
+    let (heard, said) = uart::UART0.open(CONSOLE_BAUD);
+    radar_control(bridge, stack, heard, said).await;
+}
+
+#[embassy_executor::task]
+async fn data(bridge: &'static Bridge) {
+    let (heard, _) = uart::UART1.open(DATA_BAUD);
+    radar_uart(bridge, heard).await;
 }

@@ -17,13 +17,13 @@ use crate::register::Register;
 
 /// The timers' clock in Hz.
 pub const HZ: u64 = 25_000_000;
-/// Counts of one tick of `embassy-time`, a microsecond.
-const COUNTS: u32 = (HZ / TICK_HZ) as u32;
+/// Counts of a microsecond.
+pub const COUNTS_PER_US: u32 = (HZ / TICK_HZ) as u32;
 const _: () = assert!(HZ.is_multiple_of(TICK_HZ));
 /// Ticks of timer 0's period, as a power of two: the largest whose counts fit 32 bits.
 const PERIOD_BITS: u32 = 27;
 /// Counts of timer 0's period, 134 s.
-const PERIOD: u32 = COUNTS << PERIOD_BITS;
+const PERIOD: u32 = COUNTS_PER_US << PERIOD_BITS;
 /// Longest alarm at once, in counts; a later one is reached in steps.
 const LONGEST_ALARM: u64 = 1 << 31;
 
@@ -99,7 +99,7 @@ impl Moment {
 
     /// Ticks of `embassy-time`.
     fn ticks(self) -> u64 {
-        (u64::from(self.periods) << PERIOD_BITS) + u64::from(self.counts / COUNTS)
+        (u64::from(self.periods) << PERIOD_BITS) + u64::from(self.counts / COUNTS_PER_US)
     }
 }
 
@@ -136,7 +136,7 @@ impl TimeDriver {
         let next = queue.next_expiration(now);
         if next != u64::MAX {
             // Of the next tick at the earliest, since what was due is out of the queue.
-            let counts = (next - now).saturating_mul(u64::from(COUNTS)).min(LONGEST_ALARM);
+            let counts = (next - now).saturating_mul(u64::from(COUNTS_PER_US)).min(LONGEST_ALARM);
             TIMER1.value.write(counts as u32);
             TIMER1.ctrl.write(ENABLE | INTERRUPT_ENABLE);
         }
