@@ -5,10 +5,12 @@
 //! * [`reads`]: tables of tag reads.
 //! * [`phase`]: from tag phases to phase differences that mean something, with honest figures.
 //! * [`plot`]: pictures of maps and of series.
+//! * [`bridge`]: a bridge on the network: found, configured, watched.
 //! * [`npz`], [`atomic`]: results in files that are whole or not there.
 
 pub mod aoa;
 pub mod atomic;
+pub mod bridge;
 pub mod datagrams;
 pub mod detect;
 pub mod inspect;

@@ -14,9 +14,8 @@ use std::time::{Duration, Instant};
 use anyhow::Context;
 use clap::{Args, Parser, Subcommand, ValueEnum};
 use indicatif::{ProgressBar, ProgressStyle};
-use rfhoi::profile::{self, Changes, ProfileFileError};
+use rfhoi::profile::{self, BoardName, Changes, MOUNTINGS, ProfileFileError};
 use rfhoi_firmware::mmwave::cfg::Board;
-use rfhoi_shared::array::{AntennaArray, Mounting};
 use rfhoi_shared::radar::{IqOrder, RadarProfile};
 
 /// Human-object interactions from mmWave radar and RFID: the host side.
@@ -110,14 +109,6 @@ struct ProfileArgs {
 }
 
 #[derive(Debug, Clone, Copy, ValueEnum)]
-enum BoardName {
-    Awr1843aop,
-    Xwr1843boost,
-    Xwr1642boost,
-    Iwr6843aop,
-}
-
-#[derive(Debug, Clone, Copy, ValueEnum)]
 enum IqName {
     IFirst,
     QFirst,
@@ -126,14 +117,8 @@ enum IqName {
 impl ProfileArgs {
     /// The profile, or `None` where none is given and none lies beside `recording`.
     fn load(&self, recording: Option<&Path>) -> anyhow::Result<Option<RadarProfile>> {
-        let array = match self.board {
-            BoardName::Awr1843aop => AntennaArray::Awr1843Aop,
-            BoardName::Xwr1843boost => AntennaArray::Xwr1843Boost,
-            BoardName::Xwr1642boost => AntennaArray::Xwr1642Boost,
-            BoardName::Iwr6843aop => AntennaArray::Iwr6843Aop,
-        };
-        let mounting = [Mounting::Upright, Mounting::Quarter, Mounting::Half, Mounting::ThreeQuarters]
-            [usize::from(self.quarter_turns)];
+        let mounting = MOUNTINGS[usize::from(self.quarter_turns)];
+        let board = Board { array: self.board.into(), mounting };
         let changes = Changes {
             samples: self.samples,
             loops: self.loops,
@@ -159,7 +144,7 @@ impl ProfileArgs {
             (None, None) if changes != Changes::default() => "bridge".to_owned(),
             (None, None) => return Ok(None),
         };
-        let profile = profile::load(&source, Board { array, mounting })?;
+        let profile = profile::load(&source, board)?;
         Ok(Some(changes.apply(profile).map_err(|e: ProfileFileError| e)?))
     }
 }
