@@ -6,6 +6,7 @@
 //! * [`phase`]: from tag phases to phase differences that mean something, with honest figures.
 //! * [`plot`]: pictures of maps and of series.
 //! * [`bridge`]: a bridge on the network: found, configured, watched.
+//! * `flash`, with the feature `probe`: boards over their debug probes.
 //! * [`npz`], [`atomic`]: results in files that are whole or not there.
 
 pub mod aoa;
@@ -13,6 +14,8 @@ pub mod atomic;
 pub mod bridge;
 pub mod datagrams;
 pub mod detect;
+#[cfg(feature = "probe")]
+pub mod flash;
 pub mod inspect;
 pub mod npz;
 pub mod phase;

@@ -110,6 +110,22 @@ impl Client {
         self.peer
     }
 
+    /// Port of this computer, 0 if the system does not say.
+    pub fn local_port(&self) -> u16 {
+        self.socket.udp.local_addr().map_or(0, |a| a.port())
+    }
+
+    /// Address of this computer from which the bridge is reached.
+    pub fn local_ip(&self) -> Option<Ipv4Addr> {
+        // Nothing is sent: connecting a UDP socket only looks for the way.
+        let probe = UdpSocket::bind((Ipv4Addr::UNSPECIFIED, 0)).ok()?;
+        probe.connect(self.peer).ok()?;
+        match probe.local_addr().ok()? {
+            SocketAddr::V4(address) => Some(*address.ip()),
+            SocketAddr::V6(_) => None,
+        }
+    }
+
     /// Takes what the bridge wanted a person to know while it was asked something else.
     pub fn take_notices(&mut self) -> Vec<String> {
         std::mem::take(&mut self.notices)

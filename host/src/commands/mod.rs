@@ -1,5 +1,7 @@
 //! Command line: arguments in, text or one JSON object out, exit status 0, 1 (it failed) or 130 (stopped by Ctrl-C).
 
+mod bridge;
+mod flash;
 mod inspect;
 mod replay;
 mod report;
@@ -40,6 +42,10 @@ enum Command {
     Replay(replay::Replay),
     /// Make a simulated recording.
     Simulate(simulate::Simulate),
+    /// Find, configure and watch bridges in the network.
+    Bridge(bridge::Bridge),
+    /// Program a board over its debug probe, and follow its log.
+    Flash(flash::Flash),
 }
 
 pub(crate) fn run(cli: &Cli) -> ExitCode {
@@ -55,6 +61,8 @@ pub(crate) fn run(cli: &Cli) -> ExitCode {
         Command::Inspect(command) => command.run(cli.json),
         Command::Replay(command) => command.run(cli.json),
         Command::Simulate(command) => command.run(cli.json),
+        Command::Bridge(command) => command.run(cli.json),
+        Command::Flash(command) => command.run(cli.json),
     };
     match result {
         Ok(()) => ExitCode::SUCCESS,
@@ -164,17 +172,33 @@ fn stopped() -> bool {
     STOPPED.load(Ordering::Relaxed)
 }
 
+/// From here on, Ctrl-C sets a mark instead of ending the program.
+fn listen_for_ctrl_c() -> anyhow::Result<()> {
+    ctrlc::set_handler(|| STOPPED.store(true, Ordering::Relaxed)).context("cannot listen for Ctrl-C")
+}
+
 /// Shows progress once something has taken a second, and listens for Ctrl-C.
 struct Progress {
     name: String,
+    template: &'static str,
     began: Instant,
     bar: OnceLock<ProgressBar>,
 }
 
 impl Progress {
+    /// Of something whose share that is done is known.
     fn new(name: impl Into<String>) -> anyhow::Result<Self> {
-        ctrlc::set_handler(|| STOPPED.store(true, Ordering::Relaxed)).context("cannot listen for Ctrl-C")?;
-        Ok(Self { name: name.into(), began: Instant::now(), bar: OnceLock::new() })
+        Self::with_template(name, "{msg} {wide_bar} {percent} % {eta} left")
+    }
+
+    /// Of waiting for something.
+    fn waiting(name: impl Into<String>) -> anyhow::Result<Self> {
+        Self::with_template(name, "{spinner} {msg} {elapsed}")
+    }
+
+    fn with_template(name: impl Into<String>, template: &'static str) -> anyhow::Result<Self> {
+        listen_for_ctrl_c()?;
+        Ok(Self { name: name.into(), template, began: Instant::now(), bar: OnceLock::new() })
     }
 
     /// Shows that `share` is done, 0 to 1. Returns whether to go on.
@@ -182,8 +206,10 @@ impl Progress {
         const STEPS: u64 = 1000;
         if self.began.elapsed() > Duration::from_secs(1) {
             let bar = self.bar.get_or_init(|| {
-                let style = ProgressStyle::with_template("{msg} {wide_bar} {percent} % {eta} left");
-                let bar = ProgressBar::new(STEPS).with_message(self.name.clone());
+                let style = ProgressStyle::with_template(self.template);
+                let bar = ProgressBar::new(STEPS)
+                    .with_message(self.name.clone())
+                    .with_elapsed(self.began.elapsed());
                 bar.with_style(style.unwrap_or_else(|_| ProgressStyle::default_bar()))
             });
             bar.set_position((share.clamp(0.0, 1.0) * STEPS as f64) as u64);
