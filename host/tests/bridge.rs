@@ -118,10 +118,10 @@ impl Firmware {
 
     fn turn(&mut self) {
         let mut buffer = [0; MAX_PACKET];
-        if let Ok((bytes, from)) = self.socket.recv_from(&mut buffer) {
-            if let Ok(Packet { message: Message::Command(command), .. }) = Packet::decode(&buffer[..bytes]) {
-                self.command(from, command);
-            }
+        if let Ok((bytes, from)) = self.socket.recv_from(&mut buffer)
+            && let Ok(Packet { message: Message::Command(command), .. }) = Packet::decode(&buffer[..bytes])
+        {
+            self.command(from, command);
         }
         if let Some(host) = self.host.filter(|_| self.began.elapsed() > PERIOD * (self.frame + 1)) {
             self.data(host);
@@ -473,5 +473,5 @@ fn ctrl_c_leaves_a_whole_recording() {
 
 /// Packets of a recording that is whole.
 fn whole(path: &Path) -> usize {
-    rfhoi::recording::Recording::open(path).unwrap().map(|r| r.unwrap()).count()
+    rfhoi::recording::Recording::open(path).unwrap().collect::<Result<Vec<_>, _>>().unwrap().len()
 }

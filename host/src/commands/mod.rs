@@ -7,6 +7,7 @@ mod replay;
 mod report;
 mod simulate;
 
+use std::io::IsTerminal;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::sync::OnceLock;
@@ -50,13 +51,18 @@ enum Command {
 
 pub(crate) fn run(cli: &Cli) -> ExitCode {
     let level = match cli.verbose {
-        0 => "warn",
+        // The probes' drivers warn of every kind of probe that is not there.
+        0 => "warn,probe_rs=error",
         1 => "rfhoi=info",
         _ => "rfhoi=debug",
     };
     let filter = tracing_subscriber::EnvFilter::try_from_default_env()
         .unwrap_or_else(|_| tracing_subscriber::EnvFilter::new(level));
-    tracing_subscriber::fmt().with_env_filter(filter).with_writer(std::io::stderr).init();
+    tracing_subscriber::fmt()
+        .with_env_filter(filter)
+        .with_writer(std::io::stderr)
+        .with_ansi(std::io::stderr().is_terminal())
+        .init();
     let result = match &cli.command {
         Command::Inspect(command) => command.run(cli.json),
         Command::Replay(command) => command.run(cli.json),
@@ -67,12 +73,21 @@ pub(crate) fn run(cli: &Cli) -> ExitCode {
     match result {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => {
-            eprintln!("rfhoi: {error:#}");
+            eprintln!("rfhoi: {}", sentence(&error));
             // As a shell reports a program that SIGINT ended.
             const INTERRUPTED: u8 = 130;
             ExitCode::from(if stopped() { INTERRUPTED } else { 1 })
         }
     }
+}
+
+/// An error with its causes, but for those that its own text names.
+fn sentence(error: &anyhow::Error) -> String {
+    error.chain().map(ToString::to_string).fold(String::new(), |text, cause| match &text[..] {
+        "" => cause,
+        _ if text.contains(&cause) => text,
+        _ => format!("{text}: {cause}"),
+    })
 }
 
 /// The radar's profile, and numbers that replace its own.

@@ -37,7 +37,6 @@ pub fn follow(
     mut go_on: impl FnMut() -> bool,
 ) -> Result<(), FlashError> {
     let (Some(address), Some(table)) = (firmware.rtt, &firmware.table) else { return Ok(()) };
-    let failed = |e: rtt::Error| FlashError::Log(sentence(&e));
     let began = Instant::now();
     let mut decoder = table.new_stream_decoder();
     let mut buffer = [0; 4096];
@@ -53,19 +52,15 @@ pub fn follow(
                     std::thread::sleep(POLL);
                     continue;
                 }
-                Err(error) => return Err(failed(error)),
+                Err(error) => return Err(FlashError::Log(sentence(&error))),
             },
         };
-        let bytes = match read(&mut board.session, opened, &mut buffer) {
-            Ok(bytes) => bytes,
-            // The board has restarted and sets its channel up anew.
-            Err(rtt::Error::ReadPointerChanged | rtt::Error::ControlBlockCorrupted(_)) => {
-                channel = None;
-                set_up_by = Instant::now() + SET_UP;
-                decoder = table.new_stream_decoder();
-                continue;
-            }
-            Err(error) => return Err(failed(error)),
+        let Ok(bytes) = read(&mut board.session, opened, &mut buffer) else {
+            // The board has restarted and sets its channel up anew; if it is gone, attaching tells.
+            channel = None;
+            set_up_by = Instant::now() + SET_UP;
+            decoder = table.new_stream_decoder();
+            continue;
         };
         decoder.received(&buffer[..bytes]);
         drain(decoder.as_mut(), table, began.elapsed(), &mut line).map_err(|()| {

@@ -11,7 +11,7 @@ use std::time::Duration;
 
 use defmt_decoder::Table;
 use probe_rs::flashing::{
-    DownloadOptions, ElfLoader, FlashProgress, ProgressEvent, ProgressOperation, build_loader,
+    DownloadOptions, ElfLoader, ElfOptions, FlashProgress, ProgressEvent, ProgressOperation, build_loader,
 };
 use probe_rs::probe::list::{Accessibility, Lister, ProbeListItem};
 use probe_rs::rtt::{Rtt, ScanRegion, find_rtt_control_block_in_raw_file};
@@ -123,7 +123,7 @@ fn udev_rule(vendor: u16) -> String {
 
 /// An error and its causes in one sentence.
 fn sentence(error: &(dyn Error + 'static)) -> String {
-    let chain = std::iter::successors(Some(error), |e| e.source());
+    let chain = std::iter::successors(Some(error), |&e| e.source());
     let mut parts: Vec<String> = chain.map(|e| e.to_string().replace('\n', " ")).collect();
     parts.iter_mut().for_each(|p| p.truncate(p.trim_end_matches('.').len()));
     parts.dedup();
@@ -266,8 +266,8 @@ pub fn program(
         .map_err(|e| FlashError::Attach { chip: chip.to_owned(), reason: sentence(&e) })?;
     let failed =
         |e: &(dyn Error + 'static)| FlashError::Program { chip: chip.to_owned(), reason: sentence(e) };
-    let loader =
-        build_loader(&mut session, &firmware.path, ElfLoader::default(), None).map_err(|e| failed(&e))?;
+    let loader = build_loader(&mut session, &firmware.path, ElfLoader(ElfOptions::default()), None)
+        .map_err(|e| failed(&e))?;
     let mut stages = Stages::default();
     let mut options = DownloadOptions::default();
     options.verify = true;
