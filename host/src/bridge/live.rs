@@ -177,7 +177,7 @@ impl fmt::Display for Moment {
             }
         }
         if let (Some(mean), Some(max)) = (self.latency_mean_ms, self.latency_max_ms) {
-            write!(f, ", {mean:.1} ms late (at most {max:.1})")?;
+            write!(f, ", latency {mean:.1} ms (at most {max:.1})")?;
         }
         write!(f, " | {:.1} reads/s", self.reads_per_s)?;
         for (epc, rate) in self.tags_reads_per_s.iter().take(TAGS) {
@@ -237,7 +237,7 @@ mod tests {
         assert_eq!((moment.reads_per_s, moment.tags_reads_per_s["aa01"]), (6.0, 4.0));
         assert_eq!(moment.health.as_ref().unwrap().load, 0.25);
         let line = moment.to_string();
-        assert!(line.contains("6.0 frames/s, 1 packets lost, 2.3 ms late"), "{line}");
+        assert!(line.contains("6.0 frames/s, 1 packets lost, latency 2.3 ms"), "{line}");
         assert!(line.contains("..aa01 4.0 ..aa02 2.0"), "{line}");
 
         let quiet = live.look(Duration::from_secs(1));

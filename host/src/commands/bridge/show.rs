@@ -72,11 +72,13 @@ impl Show {
             live.push(bytes);
             let (health, notices) = (live.take_health(), live.take_notices());
             if !json {
-                health.iter().for_each(|h| println!("  {:.1} s: {h}", h.up_s));
+                if let Some(health) = &health {
+                    if shown.telemetry.is_empty() {
+                        println!("  started by: {}", health.restart_reason);
+                    }
+                    println!("  {:.1} s: {health}", health.up_s);
+                }
                 notices.iter().for_each(|n| println!("  notice: {n}"));
-            }
-            if let (true, Some(health)) = (shown.telemetry.is_empty() && !json, &health) {
-                println!("  started by: {}", health.restart_reason);
             }
             shown.telemetry.extend(health);
             shown.notices.extend(notices);

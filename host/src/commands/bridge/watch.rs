@@ -160,12 +160,12 @@ impl Screen {
         match self {
             Self::Json => report::print(&Line { time_s, moment, notices }, true)?,
             Self::Terminal(bar) => {
-                notices.iter().for_each(|notice| bar.println(format!("{time_s:.0} s: {notice}")));
+                notices.iter().for_each(|notice| bar.println(format!("{time_s:.1} s: {notice}")));
                 bar.set_message(moment.to_string());
             }
             Self::Lines => {
-                notices.iter().for_each(|notice| println!("{time_s:.0} s: {notice}"));
-                println!("{time_s:.0} s: {moment}");
+                notices.iter().for_each(|notice| println!("{time_s:.1} s: {notice}"));
+                println!("{time_s:.1} s: {moment}");
             }
         }
         Ok(())
