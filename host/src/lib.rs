@@ -5,12 +5,17 @@
 //! * [`reads`]: tables of tag reads.
 //! * [`phase`]: from tag phases to phase differences that mean something, with honest figures.
 //! * [`plot`]: pictures of maps and of series.
+//! * [`bridge`]: a bridge on the network: found, configured, watched.
+//! * `flash`, with the feature `probe`: boards over their debug probes.
 //! * [`npz`], [`atomic`]: results in files that are whole or not there.
 
 pub mod aoa;
 pub mod atomic;
+pub mod bridge;
 pub mod datagrams;
 pub mod detect;
+#[cfg(feature = "probe")]
+pub mod flash;
 pub mod inspect;
 pub mod npz;
 pub mod phase;

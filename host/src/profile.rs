@@ -5,7 +5,49 @@ use std::path::{Path, PathBuf};
 use rfhoi_firmware::mmwave::TextError;
 use rfhoi_firmware::mmwave::cfg::{Board, CliProfile};
 use rfhoi_firmware::mmwave::studio::StudioProfile;
+use rfhoi_shared::array::{AntennaArray, Mounting};
 use rfhoi_shared::radar::{IqOrder, MAX_TX_SLOTS, ProfileError, RadarProfile, SampleFormat};
+use serde::{Deserialize, Serialize};
+
+/// Names that [`RadarProfile::named`] knows.
+pub const NAMES: [&str; 3] = ["paper", "fine", "bridge"];
+
+/// Boards as users name them.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+#[allow(missing_docs, reason = "documented at AntennaArray")]
+pub enum BoardName {
+    Awr1843aop,
+    Xwr1843boost,
+    Xwr1642boost,
+    Iwr6843aop,
+}
+
+impl From<BoardName> for AntennaArray {
+    fn from(name: BoardName) -> Self {
+        match name {
+            BoardName::Awr1843aop => Self::Awr1843Aop,
+            BoardName::Xwr1843boost => Self::Xwr1843Boost,
+            BoardName::Xwr1642boost => Self::Xwr1642Boost,
+            BoardName::Iwr6843aop => Self::Iwr6843Aop,
+        }
+    }
+}
+
+impl From<AntennaArray> for BoardName {
+    fn from(array: AntennaArray) -> Self {
+        match array {
+            AntennaArray::Awr1843Aop => Self::Awr1843aop,
+            AntennaArray::Xwr1843Boost => Self::Xwr1843boost,
+            AntennaArray::Xwr1642Boost => Self::Xwr1642boost,
+            AntennaArray::Iwr6843Aop => Self::Iwr6843aop,
+        }
+    }
+}
+
+/// Mountings by their quarter turns, clockwise as seen from behind the board.
+pub const MOUNTINGS: [Mounting; 4] =
+    [Mounting::Upright, Mounting::Quarter, Mounting::Half, Mounting::ThreeQuarters];
 
 /// Why there is no profile.
 #[derive(Debug, thiserror::Error)]
@@ -158,6 +200,14 @@ pub fn regroup(profile: &RadarProfile, loops: u16) -> Result<RadarProfile, Profi
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn all_names_are_known_and_boards_named_both_ways() {
+        assert!(NAMES.into_iter().all(|name| RadarProfile::named(name).is_some()));
+        for name in <BoardName as clap::ValueEnum>::value_variants() {
+            assert_eq!(BoardName::from(AntennaArray::from(*name)), *name);
+        }
+    }
 
     #[test]
     fn names_and_changes() {

@@ -144,6 +144,7 @@ pub struct Receiver {
     frame: Option<RadarFrame>,
     ready: VecDeque<Received>,
     counts: LinkCounts,
+    time: BridgeTime,
 }
 
 impl Receiver {
@@ -157,6 +158,11 @@ impl Receiver {
         self.counts
     }
 
+    /// Time of the last packet taken.
+    pub fn time(&self) -> BridgeTime {
+        self.time
+    }
+
     /// Takes one packet. What it led to is fetched with [`Self::next`].
     ///
     /// # Errors
@@ -168,6 +174,7 @@ impl Receiver {
         if self.in_order(&header) {
             self.counts.packets += 1;
             self.counts.bytes += bytes.len() as u64;
+            self.time = header.time;
             self.take(header, message);
         } else {
             self.counts.packets_late += 1;

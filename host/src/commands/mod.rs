@@ -1,10 +1,13 @@
 //! Command line: arguments in, text or one JSON object out, exit status 0, 1 (it failed) or 130 (stopped by Ctrl-C).
 
+mod bridge;
+mod flash;
 mod inspect;
 mod replay;
 mod report;
 mod simulate;
 
+use std::io::IsTerminal;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::sync::OnceLock;
@@ -14,9 +17,8 @@ use std::time::{Duration, Instant};
 use anyhow::Context;
 use clap::{Args, Parser, Subcommand, ValueEnum};
 use indicatif::{ProgressBar, ProgressStyle};
-use rfhoi::profile::{self, Changes, ProfileFileError};
+use rfhoi::profile::{self, BoardName, Changes, MOUNTINGS, ProfileFileError};
 use rfhoi_firmware::mmwave::cfg::Board;
-use rfhoi_shared::array::{AntennaArray, Mounting};
 use rfhoi_shared::radar::{IqOrder, RadarProfile};
 
 /// Human-object interactions from mmWave radar and RFID: the host side.
@@ -41,31 +43,51 @@ enum Command {
     Replay(replay::Replay),
     /// Make a simulated recording.
     Simulate(simulate::Simulate),
+    /// Find, configure and watch bridges in the network.
+    Bridge(bridge::Bridge),
+    /// Program a board over its debug probe, and follow its log.
+    Flash(flash::Flash),
 }
 
 pub(crate) fn run(cli: &Cli) -> ExitCode {
     let level = match cli.verbose {
-        0 => "warn",
+        // The probes' drivers warn of every kind of probe that is not there.
+        0 => "warn,probe_rs=error",
         1 => "rfhoi=info",
         _ => "rfhoi=debug",
     };
     let filter = tracing_subscriber::EnvFilter::try_from_default_env()
         .unwrap_or_else(|_| tracing_subscriber::EnvFilter::new(level));
-    tracing_subscriber::fmt().with_env_filter(filter).with_writer(std::io::stderr).init();
+    tracing_subscriber::fmt()
+        .with_env_filter(filter)
+        .with_writer(std::io::stderr)
+        .with_ansi(std::io::stderr().is_terminal())
+        .init();
     let result = match &cli.command {
         Command::Inspect(command) => command.run(cli.json),
         Command::Replay(command) => command.run(cli.json),
         Command::Simulate(command) => command.run(cli.json),
+        Command::Bridge(command) => command.run(cli.json),
+        Command::Flash(command) => command.run(cli.json),
     };
     match result {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => {
-            eprintln!("rfhoi: {error:#}");
+            eprintln!("rfhoi: {}", sentence(&error));
             // As a shell reports a program that SIGINT ended.
             const INTERRUPTED: u8 = 130;
             ExitCode::from(if stopped() { INTERRUPTED } else { 1 })
         }
     }
+}
+
+/// An error with its causes, but for those that its own text names.
+fn sentence(error: &anyhow::Error) -> String {
+    error.chain().map(ToString::to_string).fold(String::new(), |text, cause| match &text[..] {
+        "" => cause,
+        _ if text.contains(&cause) => text,
+        _ => format!("{text}: {cause}"),
+    })
 }
 
 /// The radar's profile, and numbers that replace its own.
@@ -110,14 +132,6 @@ struct ProfileArgs {
 }
 
 #[derive(Debug, Clone, Copy, ValueEnum)]
-enum BoardName {
-    Awr1843aop,
-    Xwr1843boost,
-    Xwr1642boost,
-    Iwr6843aop,
-}
-
-#[derive(Debug, Clone, Copy, ValueEnum)]
 enum IqName {
     IFirst,
     QFirst,
@@ -126,14 +140,8 @@ enum IqName {
 impl ProfileArgs {
     /// The profile, or `None` where none is given and none lies beside `recording`.
     fn load(&self, recording: Option<&Path>) -> anyhow::Result<Option<RadarProfile>> {
-        let array = match self.board {
-            BoardName::Awr1843aop => AntennaArray::Awr1843Aop,
-            BoardName::Xwr1843boost => AntennaArray::Xwr1843Boost,
-            BoardName::Xwr1642boost => AntennaArray::Xwr1642Boost,
-            BoardName::Iwr6843aop => AntennaArray::Iwr6843Aop,
-        };
-        let mounting = [Mounting::Upright, Mounting::Quarter, Mounting::Half, Mounting::ThreeQuarters]
-            [usize::from(self.quarter_turns)];
+        let mounting = MOUNTINGS[usize::from(self.quarter_turns)];
+        let board = Board { array: self.board.into(), mounting };
         let changes = Changes {
             samples: self.samples,
             loops: self.loops,
@@ -159,7 +167,7 @@ impl ProfileArgs {
             (None, None) if changes != Changes::default() => "bridge".to_owned(),
             (None, None) => return Ok(None),
         };
-        let profile = profile::load(&source, Board { array, mounting })?;
+        let profile = profile::load(&source, board)?;
         Ok(Some(changes.apply(profile).map_err(|e: ProfileFileError| e)?))
     }
 }
@@ -179,17 +187,33 @@ fn stopped() -> bool {
     STOPPED.load(Ordering::Relaxed)
 }
 
+/// From here on, Ctrl-C sets a mark instead of ending the program.
+fn listen_for_ctrl_c() -> anyhow::Result<()> {
+    ctrlc::set_handler(|| STOPPED.store(true, Ordering::Relaxed)).context("cannot listen for Ctrl-C")
+}
+
 /// Shows progress once something has taken a second, and listens for Ctrl-C.
 struct Progress {
     name: String,
+    template: &'static str,
     began: Instant,
     bar: OnceLock<ProgressBar>,
 }
 
 impl Progress {
+    /// Of something whose share that is done is known.
     fn new(name: impl Into<String>) -> anyhow::Result<Self> {
-        ctrlc::set_handler(|| STOPPED.store(true, Ordering::Relaxed)).context("cannot listen for Ctrl-C")?;
-        Ok(Self { name: name.into(), began: Instant::now(), bar: OnceLock::new() })
+        Self::with_template(name, "{msg} {wide_bar} {percent} % {eta} left")
+    }
+
+    /// Of waiting for something.
+    fn waiting(name: impl Into<String>) -> anyhow::Result<Self> {
+        Self::with_template(name, "{spinner} {msg} {elapsed}")
+    }
+
+    fn with_template(name: impl Into<String>, template: &'static str) -> anyhow::Result<Self> {
+        listen_for_ctrl_c()?;
+        Ok(Self { name: name.into(), template, began: Instant::now(), bar: OnceLock::new() })
     }
 
     /// Shows that `share` is done, 0 to 1. Returns whether to go on.
@@ -197,8 +221,10 @@ impl Progress {
         const STEPS: u64 = 1000;
         if self.began.elapsed() > Duration::from_secs(1) {
             let bar = self.bar.get_or_init(|| {
-                let style = ProgressStyle::with_template("{msg} {wide_bar} {percent} % {eta} left");
-                let bar = ProgressBar::new(STEPS).with_message(self.name.clone());
+                let style = ProgressStyle::with_template(self.template);
+                let bar = ProgressBar::new(STEPS)
+                    .with_message(self.name.clone())
+                    .with_elapsed(self.began.elapsed());
                 bar.with_style(style.unwrap_or_else(|_| ProgressStyle::default_bar()))
             });
             bar.set_position((share.clamp(0.0, 1.0) * STEPS as f64) as u64);

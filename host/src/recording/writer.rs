@@ -116,7 +116,7 @@ impl Writer {
         Ok(Self { pcap, path, next: BTreeMap::new(), connections: 0, packet: Vec::new() })
     }
 
-    /// Writes a datagram at `time_us` after the recording's start.
+    /// Writes a datagram at `time_us` after the recording's start, or in UTC where that is known.
     ///
     /// # Errors
     /// Any [`WriterError`].
