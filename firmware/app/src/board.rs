@@ -18,6 +18,8 @@ pub trait Board {
     fn seed(&mut self) -> u64;
     /// Why the board started.
     fn restart_reason(&self) -> RestartReason;
+    /// What went wrong before the start, in words; empty if nothing did, or it is not known.
+    fn last_words(&self) -> &str;
     /// Keeps the watchdog from restarting the board; called once a second while everything runs.
     fn feed_watchdog(&mut self);
     /// Temperature of the MCU, 0.1 degrees Celsius.

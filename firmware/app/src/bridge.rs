@@ -52,6 +52,8 @@ pub struct Bridge {
     pub(crate) radar_runs: Signal<NoopRawMutex, bool>,
     /// Whether the reader is to read.
     pub(crate) reader_runs: Signal<NoopRawMutex, bool>,
+    /// A new host needs what only comes once in a while.
+    pub(crate) reader_tells: Signal<NoopRawMutex, ()>,
     /// A restart was asked for.
     pub(crate) restart: Signal<NoopRawMutex, ()>,
     pub(crate) reader: Cell<ReaderCounts>,
@@ -81,6 +83,7 @@ impl Bridge {
             packets: Channel::new(),
             radar_runs: Signal::new(),
             reader_runs: Signal::new(),
+            reader_tells: Signal::new(),
             restart: Signal::new(),
             reader: Cell::default(),
             radar: Cell::default(),
@@ -174,12 +177,18 @@ impl Bridge {
 
     /// Tells a person, through the log and through the host.
     pub(crate) fn notice(&self, words: impl fmt::Display) {
-        let mut text = Cut(String::new());
-        // What does not fit is cut.
-        let _ = write!(text, "{words}");
+        let text = text(words);
         #[cfg(feature = "defmt")]
-        defmt::warn!("{=str}", text.0.as_str());
-        self.say(None, Message::Notice(Notice { text: text.0 }));
+        defmt::warn!("{=str}", text.as_str());
+        self.say(None, Message::Notice(Notice { text }));
+    }
+
+    /// Tells the host what went wrong before the start, if anything did.
+    pub(crate) fn tell_last_words(&self) {
+        let words = self.with_board(|board| text(board.last_words())).unwrap_or_default();
+        if !words.is_empty() {
+            self.say(None, Message::Notice(Notice { text: words }));
+        }
     }
 
     /// Who this bridge is.
@@ -222,6 +231,14 @@ const fn number(digits: &str) -> u8 {
         Ok(number) => number,
         Err(_) => u8::MAX,
     }
+}
+
+/// `words`, cut where they are too long.
+fn text(words: impl fmt::Display) -> String<MAX_NOTICE> {
+    let mut text = Cut(String::new());
+    // Never fails.
+    let _ = write!(text, "{words}");
+    text.0
 }
 
 /// Text that is cut where it is too long.

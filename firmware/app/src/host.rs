@@ -90,8 +90,12 @@ fn obey(bridge: &Bridge, asker: Endpoint, command: Command, last: &mut Last) {
         Request::Identify | Request::Hello => {
             if request == Request::Hello {
                 bridge.set_host(asker);
+                bridge.reader_tells.signal(());
             }
             bridge.say(Some(asker), Message::Hello(bridge.hello()));
+            if request == Request::Hello {
+                bridge.tell_last_words();
+            }
             Ok(())
         }
         Request::GetConfig => {

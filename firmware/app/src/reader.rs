@@ -1,6 +1,6 @@
 //! The reader: LLRP over TCP.
 
-use embassy_futures::select::{Either3, Either4, select3, select4};
+use embassy_futures::select::{Either, Either3, Either5, select, select3, select5};
 use embassy_net::Stack;
 use embassy_net::tcp::TcpSocket;
 use embassy_time::{Duration, Timer, with_timeout};
@@ -52,6 +52,11 @@ impl Reader {
         bridge.reader.set(path.counts().link);
     }
 
+    fn tell(&mut self) {
+        let Self { path, uplink, bridge, .. } = self;
+        path.tell(now(), uplink, |_, bytes| bridge.enqueue(None, bytes));
+    }
+
     fn run(&mut self, on: bool) {
         self.handle(if on { ReaderInput::Start } else { ReaderInput::Stop });
     }
@@ -70,9 +75,9 @@ pub(crate) async fn run(bridge: &'static Bridge, stack: Stack<'static>) {
     };
     loop {
         let due = Timer::at(instant(reader.path.deadline()));
-        match embassy_futures::select::select(bridge.reader_runs.wait(), due).await {
-            embassy_futures::select::Either::First(on) => reader.run(on),
-            embassy_futures::select::Either::Second(()) => reader.handle(ReaderInput::Tick),
+        match select(bridge.reader_runs.wait(), due).await {
+            Either::First(on) => reader.run(on),
+            Either::Second(()) => reader.handle(ReaderInput::Tick),
         }
         reader.wanted.close = false;
         if let Some(endpoint) = reader.wanted.connect.take() {
@@ -120,8 +125,15 @@ async fn converse(reader: &mut Reader, socket: &mut TcpSocket<'_>) {
         let (mut incoming, mut outgoing) = socket.split();
         let write =
             async { if waiting { outgoing.wait_write_ready().await } else { core::future::pending().await } };
-        match select4(incoming.wait_read_ready(), write, bridge.reader_runs.wait(), due).await {
-            Either4::First(()) => {
+        let sources = select5(
+            incoming.wait_read_ready(),
+            write,
+            bridge.reader_runs.wait(),
+            due,
+            bridge.reader_tells.wait(),
+        );
+        match sources.await {
+            Either5::First(()) => {
                 let heard = incoming.read_with(|bytes| {
                     reader.handle(ReaderInput::Received(bytes));
                     (bytes.len(), bytes.len())
@@ -131,15 +143,16 @@ async fn converse(reader: &mut Reader, socket: &mut TcpSocket<'_>) {
                     break;
                 }
             }
-            Either4::Second(()) => match outgoing.write(&reader.wanted.bytes).await {
+            Either5::Second(()) => match outgoing.write(&reader.wanted.bytes).await {
                 Ok(written) => drop(reader.wanted.bytes.drain(..written)),
                 Err(_) => {
                     reader.handle(ReaderInput::Closed);
                     break;
                 }
             },
-            Either4::Third(on) => reader.run(on),
-            Either4::Fourth(()) => reader.handle(ReaderInput::Tick),
+            Either5::Third(on) => reader.run(on),
+            Either5::Fourth(()) => reader.handle(ReaderInput::Tick),
+            Either5::Fifth(()) => reader.tell(),
         }
     }
     // A goodbye that does not leave in time is not waited for.

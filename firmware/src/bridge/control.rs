@@ -9,8 +9,8 @@
 //!
 //! The recorder must run before the sensor starts, or byte 0 of its stream lies within a frame. A step that fails is
 //! told and all is tried again after [`RETRY_US`]; a radar that stops sending is programmed again. A radar whose
-//! command line does not answer at all counts as programmed by somebody else: the recorder runs, and the radar is to be
-//! started after it.
+//! command line does not answer may be programmed by somebody else: the recorder runs, and the radar is to be started
+//! after it; as long as nothing comes, the command line is tried again.
 
 use core::fmt;
 
@@ -166,8 +166,10 @@ pub struct RadarControl {
     phase: Phase,
     state: RadarState,
     progress: u32,
-    /// The radar's command line answers.
+    /// The radar's command line answers, as far as is known.
     console: bool,
+    /// Pieces of data before the radar was last programmed.
+    before: u32,
     strays: u32,
 }
 
@@ -181,7 +183,8 @@ impl RadarControl {
             phase: Phase::Stopped,
             state: RadarState::Stopped,
             progress: 0,
-            console: false,
+            console: true,
+            before: 0,
             strays: 0,
         }
     }
@@ -263,7 +266,7 @@ impl RadarControl {
     }
 
     fn program(&mut self) {
-        self.console = true;
+        self.before = self.progress;
         self.phase = Phase::Programming(Session::new(Script::of(&self.config).0, Timeouts::default()));
     }
 
@@ -320,14 +323,7 @@ impl RadarControl {
                 }
             }
             Phase::Recorder(setup) | Phase::StoppingRecorder(setup) => setup.tick(now),
-            Phase::Silent { .. } => {
-                // A radar that somebody else starts is waited for.
-                if self.console {
-                    self.program();
-                } else {
-                    self.phase = Phase::Silent { since: now };
-                }
-            }
+            Phase::Silent { .. } => self.program(),
             Phase::Streaming { .. } => {
                 out(ControlAction::Notice(ControlNotice::NoData((QUIET_US / 1_000_000) as u32)));
                 self.phase = Phase::Silent { since: now };
@@ -369,9 +365,12 @@ impl RadarControl {
         }
     }
 
-    fn console_done(&self, now: BridgeTime) -> Phase {
+    fn console_done(&mut self, now: BridgeTime) -> Phase {
         match &self.phase {
-            Phase::Programming(_) => self.after_program(),
+            Phase::Programming(_) => {
+                self.console = true;
+                self.after_program()
+            }
             Phase::StoppingRadar(_) => self.after_stop(),
             _ => Phase::Silent { since: now },
         }
@@ -402,9 +401,12 @@ impl RadarControl {
             Phase::StoppingRadar(_) => self.after_stop(),
             // Nothing was ever answered.
             Phase::Programming(_) if error == CliError::Timeout && line <= 1 => {
-                self.console = false;
-                out(ControlAction::Notice(ControlNotice::NoConsole));
-                if self.is_raw() { self.after_program() } else { Phase::Silent { since: now } }
+                if core::mem::take(&mut self.console) {
+                    out(ControlAction::Notice(ControlNotice::NoConsole));
+                }
+                // Somebody started it meanwhile: a new recording would begin within a frame.
+                let streams = self.progress != self.before;
+                if self.is_raw() && !streams { self.after_program() } else { Phase::Silent { since: now } }
             }
             Phase::Programming(session) | Phase::Starting(session) => {
                 if error == CliError::Timeout

@@ -2,7 +2,7 @@
 
 use rfhoi_shared::config::{Endpoint, ReaderConfig};
 use rfhoi_shared::units::BridgeTime;
-use rfhoi_shared::wire::{Message, ReaderState, Stream};
+use rfhoi_shared::wire::{HopTable, Message, ReaderState, Stream};
 
 use crate::llrp::client::{Client, Counts, Notice, Output};
 use crate::uplink::{ReadPacker, Uplink};
@@ -46,12 +46,13 @@ pub enum ReaderInput<'a> {
 pub struct ReaderPath<const N: usize> {
     client: Client<N>,
     reads: ReadPacker,
+    channels: Option<HopTable>,
 }
 
 impl<const N: usize> ReaderPath<N> {
     /// A path that is stopped. `seed` should differ between bridges.
     pub fn new(config: ReaderConfig, seed: u64) -> Self {
-        Self { client: Client::new(config, seed), reads: ReadPacker::default() }
+        Self { client: Client::new(config, seed), reads: ReadPacker::default(), channels: None }
     }
 
     /// Takes what happened at `now`; sends packets of reads, and says what is to be done.
@@ -63,7 +64,7 @@ impl<const N: usize> ReaderPath<N> {
         mut send: impl FnMut(Stream, &[u8]) -> bool,
         mut act: impl FnMut(ReaderAction<'_>),
     ) {
-        let Self { client, reads } = self;
+        let Self { client, reads, channels } = self;
         reads.tick(now, |m| uplink.send(now, m, &mut send));
         let out = &mut |output: Output<'_>| match output {
             Output::Connect(endpoint) => act(ReaderAction::Connect(endpoint)),
@@ -72,7 +73,10 @@ impl<const N: usize> ReaderPath<N> {
             Output::State(state) => act(ReaderAction::State(state)),
             Output::Notice(notice) => act(ReaderAction::Notice(notice)),
             Output::Read(read) => reads.push(now, read, |m| uplink.send(now, m, &mut send)),
-            Output::HopTable(table) => uplink.send(now, Message::HopTable(table.clone()), &mut send),
+            Output::HopTable(table) => {
+                *channels = Some(table.clone());
+                uplink.send(now, Message::HopTable(table.clone()), &mut send);
+            }
         };
         match input {
             ReaderInput::Start => client.start(now, out),
@@ -82,6 +86,13 @@ impl<const N: usize> ReaderPath<N> {
             ReaderInput::Received(bytes) => client.received(now, bytes, out),
             ReaderInput::Tick => client.tick(now, out),
             ReaderInput::Stop => client.stop(now, out),
+        }
+    }
+
+    /// Sends the reader's channels again, as for a host that came later.
+    pub fn tell(&self, now: BridgeTime, uplink: &mut Uplink, send: impl FnMut(Stream, &[u8]) -> bool) {
+        if let Some(channels) = &self.channels {
+            uplink.send(now, Message::HopTable(channels.clone()), send);
         }
     }
 

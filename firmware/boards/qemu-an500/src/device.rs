@@ -1,10 +1,10 @@
 //! The board as the application sees it.
 
-use cortex_m::peripheral::SCB;
 use rfhoi_bridge::{Board, KeepError};
 use rfhoi_shared::wire::RestartReason;
 
-use crate::{idle, kept};
+use crate::kept::{self, Restart};
+use crate::{idle, watchdog};
 
 /// Locally administered MAC address; QEMU has one board on its network.
 const ID: [u8; 6] = [2, 0, 0, 0xa5, 0, 1];
@@ -12,14 +12,21 @@ const ID: [u8; 6] = [2, 0, 0, 0xa5, 0, 1];
 /// The board.
 pub struct An500 {
     reason: RestartReason,
+    last_words: kept::Note,
     seed: u64,
 }
 
 impl An500 {
     /// Finds out why the board started.
     pub fn new() -> Self {
-        let start = kept::start();
-        Self { reason: start.reason, seed: start.count.into() }
+        let (restart, last_words) = kept::take_restart();
+        let reason = match restart {
+            Restart::PowerOn => RestartReason::PowerOn,
+            Restart::Command => RestartReason::Command,
+            Restart::Panic => RestartReason::Panic,
+            Restart::Watchdog => RestartReason::Watchdog,
+        };
+        Self { reason, last_words, seed: kept::count_start().into() }
     }
 }
 
@@ -47,7 +54,12 @@ impl Board for An500 {
         self.reason
     }
 
+    fn last_words(&self) -> &str {
+        &self.last_words
+    }
+
     fn feed_watchdog(&mut self) {
+        watchdog::feed();
     }
 
     fn decicelsius(&mut self) -> Option<i16> {
@@ -59,15 +71,14 @@ impl Board for An500 {
     }
 
     fn kept<'b>(&mut self, buffer: &'b mut [u8]) -> Option<&'b [u8]> {
-        kept::configuration(buffer)
+        kept::load_configuration(buffer)
     }
 
     fn keep(&mut self, bytes: &[u8]) -> Result<(), KeepError> {
-        kept::keep_configuration(bytes).map_err(|_| KeepError)
+        kept::store_configuration(bytes).map_err(|_| KeepError)
     }
 
     fn restart(&mut self) {
-        kept::set_reason(RestartReason::Command);
-        SCB::sys_reset()
+        kept::restart(Restart::Command)
     }
 }

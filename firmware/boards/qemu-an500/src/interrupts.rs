@@ -9,7 +9,7 @@ use embassy_executor::{InterruptExecutor, SendSpawner};
 
 use crate::{lan9118, timer, uart};
 
-/// Interrupts of the mps2-an500 (ARM DAI 0400 for the FPGA image AN500; QEMU `hw/arm/mps2.c`), as far as they are used.
+/// Interrupts of the mps2-an500 (ARM's application note AN500; QEMU `hw/arm/mps2.c`), as far as they are used.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[repr(u16)]
 pub enum Interrupt {
@@ -27,10 +27,10 @@ pub enum Interrupt {
     Timer1 = 9,
     /// LAN9118.
     Ethernet = 13,
-    /// Software interrupt of the network's executor; belongs to a touch screen that QEMU does not have.
+    /// Software interrupt of the network's executor; the audio interface's, which QEMU does not have.
     NetworkExecutor = 14,
-    /// Never enabled: its pending bit says that thread mode has work ([`crate::idle`]); belongs to a port that QEMU does
-    /// not have.
+    /// Never enabled: its pending bit says that thread mode has work ([`crate::idle`]). The touch screen's, which QEMU
+    /// does not have.
     ThreadExecutor = 15,
 }
 

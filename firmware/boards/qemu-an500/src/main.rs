@@ -4,14 +4,15 @@
 #![no_std]
 #![no_main]
 
+use core::panic::PanicInfo;
+
 use board::device::An500;
 use board::lan9118::Lan9118;
-use board::{idle, interrupts, timer, uart};
+use board::{idle, interrupts, kept, timer, uart, watchdog};
 use defmt::unwrap;
 use embassy_executor::Spawner;
 use embassy_net::{Runner, Stack, StackResources};
 use num_complex::Complex;
-use panic_semihosting as _;
 use rfhoi_bridge::{
     Board, Bridge, CUBE_CELLS, Handover, Parts, SOCKETS, Tap, boot_configuration, ip_configuration,
     radar_control, radar_uart, spawn_dsp,
@@ -22,6 +23,9 @@ use static_cell::{ConstStaticCell, StaticCell};
 /// Rates of the radar's UARTs (SDK demo).
 const CONSOLE_BAUD: u32 = 115_200;
 const DATA_BAUD: u32 = 921_600;
+
+/// The application feeds the watchdog once a second.
+const WATCHDOG_MS: u32 = 5_000;
 
 type Network = Tap<Lan9118, &'static Bridge>;
 
@@ -36,6 +40,7 @@ static SOCKET_MEMORY: StaticCell<StackResources<SOCKETS>> = StaticCell::new();
 #[cortex_m_rt::entry]
 fn main() -> ! {
     timer::start();
+    watchdog::start(WATCHDOG_MS);
     let board = BOARD.init(An500::new());
     let boot = board.seed() as u16;
     let config = boot_configuration(board);
@@ -75,4 +80,10 @@ async fn control(bridge: &'static Bridge, stack: Stack<'static>) {
 async fn data(bridge: &'static Bridge) {
     let (heard, _) = uart::UART1.open(DATA_BAUD);
     radar_uart(bridge, heard).await;
+}
+
+/// Notes what went wrong, and restarts; the next start says it.
+#[panic_handler]
+fn panic(info: &PanicInfo<'_>) -> ! {
+    kept::restart_after(info)
 }

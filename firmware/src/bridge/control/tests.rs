@@ -132,7 +132,7 @@ fn an_absent_recorder_is_told_and_looked_for_again() {
     let mut world = World::new(raw());
     world.recorder_answers = false;
     world.give(ControlInput::Start);
-    world.pass(2);
+    world.pass(4);
     assert_eq!(world.control.state(), RadarState::Waiting);
     assert!(world.notices[0].contains("does not answer SystemConnect"), "{:?}", world.notices);
     assert!(!world.lines.contains(&"sensorStart".into()));
@@ -147,9 +147,39 @@ fn without_a_command_line_the_recorder_runs_and_waits() {
     world.console_answers = false;
     world.give(ControlInput::Start);
     world.pass(60);
-    assert_eq!((world.control.state(), world.notices.len()), (RadarState::Silent, 1));
-    assert_eq!(world.commands.iter().filter(|c| **c == Command::RecordStart).count(), 1);
+    assert_eq!((world.control.state(), world.notices.len()), (RadarState::Silent, 1), "told once");
     world.give(ControlInput::Progress(5));
+    assert_eq!(world.control.state(), RadarState::Streaming);
+}
+
+#[test]
+fn a_radar_that_comes_up_late_is_programmed() {
+    let mut world = World::new(raw());
+    world.console_answers = false;
+    world.give(ControlInput::Start);
+    world.pass(30);
+    world.console_answers = true;
+    world.pass((SILENT_US + 2_000_000) / 1_000_000);
+    assert_eq!(world.lines.last().unwrap(), "sensorStart");
+}
+
+#[test]
+fn a_recording_that_begins_while_the_command_line_is_tried_goes_on() {
+    let mut world = World::new(raw());
+    world.console_answers = false;
+    world.give(ControlInput::Start);
+    while world.control.state() != RadarState::Silent {
+        world.pass(1);
+    }
+    let recordings = |world: &World| world.commands.iter().filter(|c| **c == Command::RecordStart).count();
+    let before = recordings(&world);
+    while world.control.state() != RadarState::Programming {
+        world.pass(1);
+    }
+    world.give(ControlInput::Progress(1));
+    world.pass(3);
+    assert_eq!(recordings(&world), before);
+    world.give(ControlInput::Progress(2));
     assert_eq!(world.control.state(), RadarState::Streaming);
 }
 
