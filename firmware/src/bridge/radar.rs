@@ -23,22 +23,32 @@ pub struct FrameDone {
     pub clipped: u32,
 }
 
-/// The half that works as chirps arrive: reassembly and range FFT into a cube. `CHIRP` bounds the bytes of a chirp.
+/// The half that works as chirps arrive: reassembly and range FFT into a cube. `ROW` bounds the bytes of a chirp of one
+/// receiver.
 #[derive(Debug)]
-pub struct Capture<const CHIRP: usize> {
-    reassembly: Reassembly<CHIRP>,
-    range: RangeStage,
-    started: BridgeTime,
-    clipped: u32,
+pub struct Capture<const ROW: usize> {
+    reassembly: Reassembly<ROW>,
+    filling: Filling,
 }
 
-impl<const CHIRP: usize> Capture<CHIRP> {
-    /// A capture with a configuration that is valid, or `None` where its chirps are longer than `CHIRP`.
+/// The frame whose rows go into the cube.
+#[derive(Debug)]
+struct Filling {
+    range: RangeStage,
+    started: BridgeTime,
+    /// Words at the ADC's limits, of the frame and of what came before the chirp under way.
+    clipped: u32,
+    clipped_before: u32,
+}
+
+impl<const ROW: usize> Capture<ROW> {
+    /// A capture with a configuration that is valid, or `None` where its rows are longer than `ROW`.
     pub fn new(config: &RadarConfig) -> Option<Self> {
         let mut range = RangeStage::new();
         range.configure(&config.profile, config.processing.gate);
         let reassembly = Reassembly::new(&config.profile)?;
-        Some(Self { reassembly, range, started: BridgeTime::default(), clipped: 0 })
+        let filling = Filling { range, started: BridgeTime::default(), clipped: 0, clipped_before: 0 };
+        Some(Self { reassembly, filling })
     }
 
     /// Takes a UDP payload that arrived at `now`; `on_frame` is called with the cube of a frame that it completed, and
@@ -48,10 +58,10 @@ impl<const CHIRP: usize> Capture<CHIRP> {
         now: BridgeTime,
         datagram: &[u8],
         cube: &mut Cube<'m>,
-        on_frame: impl FnMut(&mut Cube<'m>, FrameDone),
+        mut on_frame: impl FnMut(&mut Cube<'m>, FrameDone),
     ) {
-        let Self { reassembly, range, started, clipped } = self;
-        reassembly.push(datagram, chirps_into(cube, range, now, started, clipped, on_frame));
+        let Self { reassembly, filling } = self;
+        reassembly.push(datagram, |event| filling.take(now, event, cube, &mut on_frame));
     }
 
     /// Ends the frame under way, as when the radar stops.
@@ -59,10 +69,10 @@ impl<const CHIRP: usize> Capture<CHIRP> {
         &mut self,
         now: BridgeTime,
         cube: &mut Cube<'m>,
-        on_frame: impl FnMut(&mut Cube<'m>, FrameDone),
+        mut on_frame: impl FnMut(&mut Cube<'m>, FrameDone),
     ) {
-        let Self { reassembly, range, started, clipped } = self;
-        reassembly.finish(chirps_into(cube, range, now, started, clipped, on_frame));
+        let Self { reassembly, filling } = self;
+        reassembly.finish(|event| filling.take(now, event, cube, &mut on_frame));
     }
 
     /// Counts of datagrams.
@@ -76,33 +86,46 @@ impl<const CHIRP: usize> Capture<CHIRP> {
     }
 }
 
-fn chirps_into<'m>(
-    cube: &mut Cube<'m>,
-    range: &mut RangeStage,
-    now: BridgeTime,
-    started: &mut BridgeTime,
-    clipped: &mut u32,
-    mut on_frame: impl FnMut(&mut Cube<'m>, FrameDone),
-) -> impl FnMut(Event<'_>) {
-    move |event| match event {
-        Event::FrameStart { .. } => {
-            *started = now;
-            *clipped = 0;
-            cube.clear();
+impl Filling {
+    fn take<'m>(
+        &mut self,
+        now: BridgeTime,
+        event: Event<'_>,
+        cube: &mut Cube<'m>,
+        on_frame: &mut impl FnMut(&mut Cube<'m>, FrameDone),
+    ) {
+        match event {
+            Event::FrameStart { .. } => {
+                self.started = now;
+                self.clipped = 0;
+                cube.clear();
+            }
+            Event::Row { chirp, receiver, bytes, intact } => {
+                if receiver == 0 {
+                    self.clipped_before = self.clipped;
+                }
+                if intact {
+                    self.clipped = self.clipped.saturating_add(self.range.row(chirp, receiver, bytes, cube));
+                } else {
+                    // A chirp with a hole is worth nothing: the receivers are compared with each other.
+                    self.range.take_back(chirp, cube);
+                    self.clipped = self.clipped_before;
+                }
+            }
+            Event::FrameEnd { frame, chirps_lost } => {
+                let Self { started, clipped, .. } = *self;
+                on_frame(cube, FrameDone { frame, time: started, chirps_lost, clipped });
+            }
+            Event::Restarted | Event::FramesLost(_) => {}
         }
-        // A chirp with a hole is worth nothing: a step in its samples spreads over all range bins.
-        Event::Chirp { intact: false, .. } => {}
-        Event::Chirp { index, bytes, intact: true } => {
-            *clipped = clipped.saturating_add(range.chirp(index, bytes, cube));
-        }
-        Event::FrameEnd { frame, chirps_lost } => {
-            on_frame(cube, FrameDone { frame, time: *started, chirps_lost, clipped: *clipped });
-        }
-        Event::Restarted | Event::FramesLost(_) => {}
     }
 }
 
 /// The half that works on a complete frame: Doppler stage and packets.
+///
+/// [`Self::frame`] does it at one go. A scheduler that must let reception in between calls [`Self::begin`],
+/// [`Self::step`] until it says that nothing is left, and [`Self::finish`], with the same cube, which it leaves alone
+/// meanwhile.
 #[derive(Debug)]
 pub struct Mapping {
     doppler: DopplerStage,
@@ -110,6 +133,9 @@ pub struct Mapping {
     range_time: MapPacker,
     config: RadarConfig,
     profile: u32,
+    /// The frame at hand, and its next range bin.
+    done: FrameDone,
+    bin: usize,
 }
 
 impl Mapping {
@@ -123,6 +149,8 @@ impl Mapping {
             range_time: MapPacker::new(MapKind::RangeTime),
             profile: config.profile.fingerprint(),
             config: config.clone(),
+            done: FrameDone { frame: 0, time: BridgeTime::default(), chirps_lost: 0, clipped: 0 },
+            bin: 0,
         }
     }
 
@@ -134,17 +162,43 @@ impl Mapping {
         uplink: &mut Uplink,
         send: &mut impl FnMut(Stream, &[u8]) -> bool,
     ) {
-        let Self { doppler, range_doppler, range_time, config, profile } = self;
-        let FrameDone { frame, time, chirps_lost, clipped } = done;
-        let gate = config.processing.gate;
-        range_doppler.begin(frame, gate, config.profile.loops, level::SCALE);
-        range_time.begin(frame, gate, config.processing.range_time_columns, level::SCALE);
-        doppler.begin(cube);
-        for bin in 0..cube.shape().bins {
-            let row = doppler.range_bin(cube, bin);
-            range_doppler.row(row.doppler().map(level::code), |m| uplink.send(time, m, &mut *send));
-            range_time.row(row.time.iter().copied().map(level::code), |m| uplink.send(time, m, &mut *send));
+        self.begin(cube, done);
+        while self.step(cube, uplink, send) {}
+        self.finish(uplink, send);
+    }
+
+    /// Begins a frame.
+    pub fn begin(&mut self, cube: &Cube<'_>, done: FrameDone) {
+        let RadarConfig { profile, processing, .. } = &self.config;
+        self.range_doppler.begin(done.frame, processing.gate, profile.loops, level::SCALE);
+        self.range_time.begin(done.frame, processing.gate, processing.range_time_columns, level::SCALE);
+        self.doppler.begin(cube);
+        self.done = done;
+        self.bin = 0;
+    }
+
+    /// Maps the next range bin and sends what packets it fills. Returns whether there was one left to map.
+    pub fn step(
+        &mut self,
+        cube: &Cube<'_>,
+        uplink: &mut Uplink,
+        send: &mut impl FnMut(Stream, &[u8]) -> bool,
+    ) -> bool {
+        if self.bin >= cube.shape().bins {
+            return false;
         }
+        let time = self.done.time;
+        let row = self.doppler.range_bin(cube, self.bin);
+        self.range_doppler.row(row.doppler().map(level::code), |m| uplink.send(time, m, &mut *send));
+        self.range_time.row(row.time.iter().copied().map(level::code), |m| uplink.send(time, m, &mut *send));
+        self.bin += 1;
+        true
+    }
+
+    /// Ends the frame: sends the rest of the maps, the covariance, and last what is known of the frame.
+    pub fn finish(&mut self, uplink: &mut Uplink, send: &mut impl FnMut(Stream, &[u8]) -> bool) {
+        let Self { doppler, range_doppler, range_time, config, profile, .. } = self;
+        let FrameDone { frame, time, chirps_lost, clipped } = self.done;
         range_doppler.flush(|m| uplink.send(time, m, &mut *send));
         range_time.flush(|m| uplink.send(time, m, &mut *send));
         let moving = doppler.finish();
@@ -168,13 +222,13 @@ impl Mapping {
 
 /// Both halves on one cube: datagrams in, packets out.
 #[derive(Debug)]
-pub struct RadarPath<'m, const CHIRP: usize> {
-    capture: Capture<CHIRP>,
+pub struct RadarPath<'m, const ROW: usize> {
+    capture: Capture<ROW>,
     mapping: Mapping,
     cube: Cube<'m>,
 }
 
-impl<'m, const CHIRP: usize> RadarPath<'m, CHIRP> {
+impl<'m, const ROW: usize> RadarPath<'m, ROW> {
     /// A path with `memory` for one gated cube.
     ///
     /// # Errors
@@ -191,8 +245,8 @@ impl<'m, const CHIRP: usize> RadarPath<'m, CHIRP> {
             return Err(too_large);
         }
         let capture = Capture::new(config).ok_or(ConfigError::ChirpTooLarge {
-            needed: config.profile.chirp_bytes(),
-            available: CHIRP as u32,
+            needed: config.profile.row_bytes(),
+            available: ROW as u32,
         })?;
         Ok(Self { capture, mapping: Mapping::new(config), cube })
     }
@@ -228,5 +282,61 @@ impl<'m, const CHIRP: usize> RadarPath<'m, CHIRP> {
     /// Counts of frames.
     pub fn frames(&self) -> FrameCounts {
         self.capture.frames()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::vec;
+    use std::vec::Vec;
+
+    use rfhoi_shared::config::{Processing, RadarInput};
+    use rfhoi_shared::radar::{DCA1000_PAYLOAD, RadarProfile};
+    use rfhoi_shared::units::Metres;
+
+    use super::*;
+    use crate::dca1000::Datagram;
+
+    #[test]
+    fn a_chirp_with_a_hole_leaves_nothing_behind() {
+        let profile = RadarProfile::bridge();
+        let processing = Processing::with_gate(&profile, profile.gate_to(Metres(1.0)));
+        let config = RadarConfig { profile, input: RadarInput::Uart, processing };
+        let shape = CubeShape::of(&config);
+        let mut memory = vec![Complex::default(); shape.cells()];
+        let mut cube = Cube::new(&mut memory);
+        assert!(cube.reshape(shape));
+        let mut capture = Capture::<512>::new(&config).unwrap();
+        // All words are at the ADC's limits, so the chirps that count can be counted.
+        let chirp_words = config.profile.chirp_bytes() / 2;
+        let frame = i16::MAX.to_le_bytes().repeat((chirp_words * config.profile.chirps_per_frame()) as usize);
+        let datagrams: Vec<_> = (0..)
+            .zip(frame.chunks(DCA1000_PAYLOAD as usize))
+            .map(|(i, part)| {
+                [&Datagram::header(i + 1, u64::from(i) * u64::from(DCA1000_PAYLOAD)), part].concat()
+            })
+            .collect();
+        let mut frames = 0;
+        for lost in 0..datagrams.len() - 1 {
+            // Each frame begins as after the recorder's start.
+            for (_, datagram) in datagrams.iter().enumerate().filter(|&(i, _)| i != lost) {
+                capture.push(BridgeTime(0), datagram, &mut cube, |cube, done| {
+                    let stored = |v| cube.scales(v).map(|s| s.is_some()).collect::<Vec<_>>();
+                    for v in 0..shape.virtuals {
+                        assert_eq!(
+                            stored(v),
+                            stored(v / 4 * 4),
+                            "receivers of a chirp come or are lost together"
+                        );
+                    }
+                    let chirps = [0, 4, 8].map(|v| stored(v).iter().filter(|s| **s).count() as u32);
+                    let came: u32 = chirps.iter().sum();
+                    assert_eq!(came + done.chirps_lost, config.profile.chirps_per_frame());
+                    assert_eq!(done.clipped, came * chirp_words);
+                    frames += u32::from(done.chirps_lost > 0);
+                });
+            }
+        }
+        assert_eq!(frames as usize, datagrams.len() - 1);
     }
 }

@@ -105,7 +105,7 @@ impl Bench {
         }
         let mut table = Table::default();
 
-        let mut reassembly = Reassembly::<4096>::new(profile)?;
+        let mut reassembly = Reassembly::<1024>::new(profile)?;
         for (i, payload) in frame.chunks(DCA1000_PAYLOAD as usize).enumerate() {
             let datagram = packet.0.get_mut(DATAGRAM_AT..)?.get_mut(..HEADER_BYTES + payload.len())?;
             let (header, samples) = datagram.split_at_mut(HEADER_BYTES);
@@ -118,15 +118,15 @@ impl Bench {
             });
         }
 
-        let receiver_bytes = chirp_bytes / profile.rx_count();
+        let row_bytes = profile.row_bytes() as usize;
         let window = [1.0 / 32768.0; SAMPLES];
         table.unpack_window = measure(|| {
-            for receiver in frame.chunks_exact(receiver_bytes) {
-                black_box(samples::unpack(receiver, profile.format, &window, work));
+            for row in frame.chunks_exact(row_bytes) {
+                black_box(samples::unpack(row, profile.format, &window, work));
             }
         });
         table.range_fft = measure(|| {
-            for _ in frame.chunks_exact(receiver_bytes) {
+            for _ in frame.chunks_exact(row_bytes) {
                 black_box(fft::forward(work));
             }
         });
@@ -134,8 +134,10 @@ impl Bench {
         cube.reshape(CubeShape::of(config)).then_some(())?;
         range.configure(profile, config.processing.gate);
         let range_stage = measure(|| {
-            for (index, chirp) in (0..).zip(frame.chunks_exact(chirp_bytes)) {
-                black_box(range.chirp(index, chirp, &mut cube));
+            for (chirp, rows) in (0..).zip(frame.chunks_exact(chirp_bytes)) {
+                for (receiver, row) in (0..).zip(rows.chunks_exact(row_bytes)) {
+                    black_box(range.row(chirp, receiver, row, &mut cube));
+                }
             }
         });
         table.store = range_stage.saturating_sub(table.unpack_window + table.range_fft);

@@ -106,8 +106,8 @@ fn stages_against_double_precision() {
     let range_window = hann(samples);
     let (mut range_errors, mut cube_errors) = (Errors::default(), Errors::default());
     for (index, chirp) in words.chunks(profile.chirp_bytes() as usize).enumerate() {
-        range.chirp(index as u32, chirp, &mut cube);
         for (rx, receiver) in chirp.chunks(samples * 4).enumerate() {
+            range.row(index as u32, rx as u32, receiver, &mut cube);
             let word = |i: usize| f64::from(i16::from_le_bytes([receiver[2 * i], receiver[2 * i + 1]]));
             let z = |n: usize| Complex64::new(word(n / 2 * 4 + 2 + n % 2), word(n / 2 * 4 + n % 2));
             let windowed: Vec<_> = (0..samples).map(|n| z(n) * range_window[n] / 32768.0).collect();
