@@ -38,22 +38,39 @@ pub struct Table {
     packets: u32,
 }
 
+impl Table {
+    /// Name in the machine's line, name in the table, instructions; the sum last.
+    fn rows(&self) -> [(&'static str, &'static str, u32); 9] {
+        let mut rows = [
+            ("reassembly", "reassembly", self.reassembly),
+            ("unpack_window", "unpacking and window", self.unpack_window),
+            ("range_fft", "range FFT", self.range_fft),
+            ("store", "storing in the cube", self.store),
+            ("doppler_fft", "Doppler FFT", self.doppler_fft),
+            ("clutter_maps", "clutter removal and maps", self.clutter_maps),
+            ("covariance", "covariance", self.covariance),
+            ("packets", "packets", self.packets),
+            ("all", "all", 0),
+        ];
+        let all = rows.iter().map(|row| row.2).sum();
+        if let Some(last) = rows.last_mut() {
+            last.2 = all;
+        }
+        rows
+    }
+}
+
+/// The line that a machine reads: `name=instructions` and spaces. The alternate form is the table that a person reads.
 impl fmt::Display for Table {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let stages = [
-            ("reassembly", self.reassembly),
-            ("unpack_window", self.unpack_window),
-            ("range_fft", self.range_fft),
-            ("store", self.store),
-            ("doppler_fft", self.doppler_fft),
-            ("clutter_maps", self.clutter_maps),
-            ("covariance", self.covariance),
-            ("packets", self.packets),
-        ];
-        for (name, count) in stages {
-            write!(f, "{name}={count} ")?;
+        for (i, (name, title, count)) in self.rows().into_iter().enumerate() {
+            if f.alternate() {
+                writeln!(f, "  {title:<24} {count:>12}")?;
+            } else {
+                write!(f, "{}{name}={count}", if i == 0 { "" } else { " " })?;
+            }
         }
-        write!(f, "all={}", stages.iter().map(|s| s.1).sum::<u32>())
+        Ok(())
     }
 }
 
