@@ -6,7 +6,7 @@ use rfhoi_tests::simulated::path::{cube_memory, packets, run};
 use rfhoi_tests::simulated::radar::{Measurement, configuration};
 use rfhoi_tests::simulated::reader::{Setup, SimulatedReader, Tag};
 use rfhoi_tests::simulated::serial::SerialLine;
-use rfhoi_tests::simulated::world::{CHIRP, Host, Link, RadarSide, ReaderSide, SECOND, World};
+use rfhoi_tests::simulated::world::{Host, Link, ROW, RadarSide, ReaderSide, SECOND, World};
 
 use rfhoi_firmware::bridge::RadarPath;
 use rfhoi_shared::config::ReaderConfig;
@@ -51,7 +51,7 @@ fn radar_and_reader_share_a_line() {
     let config = configuration(measurement.profile.clone());
     let clean = run(&config, measurement.datagrams());
     let mut memory = cube_memory(&config);
-    let path = RadarPath::<CHIRP>::new(&config, &mut memory).expect("the configuration is valid");
+    let path = RadarPath::<ROW>::new(&config, &mut memory).expect("the configuration is valid");
     let mut world = World::new(1, Link::Serial(SerialLine::new(1e-5, 5)), Host::default());
     let network = Network::new(Conditions::default(), 1);
     world.radar = Some(RadarSide::new(measurement.datagrams(), network, path));

@@ -13,7 +13,7 @@ use rfhoi_tests::simulated::network::{Conditions, Network};
 use rfhoi_tests::simulated::path::cube_memory;
 use rfhoi_tests::simulated::radar::{Measurement, configuration, point, short_frames};
 use rfhoi_tests::simulated::reader::{Setup, SimulatedReader, Tag};
-use rfhoi_tests::simulated::world::{CHIRP, Host, Link, RadarSide, ReaderSide, SECOND, World};
+use rfhoi_tests::simulated::world::{Host, Link, ROW, RadarSide, ReaderSide, SECOND, World};
 
 const SECONDS: u64 = 30;
 
@@ -40,7 +40,7 @@ fn run<'m>(
     uplink: Conditions,
 ) -> World<'m> {
     let config = configuration(measurement.profile.clone());
-    let path = RadarPath::<CHIRP>::new(&config, memory).expect("the configuration is valid");
+    let path = RadarPath::<ROW>::new(&config, memory).expect("the configuration is valid");
     let mut world = World::new(3, Link::Datagrams(Network::new(uplink, 71)), Host::default());
     world.radar = Some(RadarSide::new(measurement.datagrams(), Network::new(recorder, 72), path));
     world.reader = Some(reader());
@@ -105,7 +105,7 @@ fn streams_are_numbered_apart() {
     let measurement = Measurement { frames: 100, ..measurement() };
     let config = configuration(measurement.profile.clone());
     let mut memory = cube_memory(&config);
-    let path = RadarPath::<CHIRP>::new(&config, &mut memory).expect("the configuration is valid");
+    let path = RadarPath::<ROW>::new(&config, &mut memory).expect("the configuration is valid");
     // Nothing arrives before the end: the packets are looked at instead.
     let slow = Conditions { delay_us: 100 * SECOND, ..Conditions::default() };
     let mut world = World::new(3, Link::Datagrams(Network::new(slow, 1)), Host::default());

@@ -16,8 +16,8 @@ use rfhoi_shared::config::BridgeConfig;
 use rfhoi_shared::radar::{DCA1000_PAYLOAD, RadarProfile};
 use rfhoi_shared::units::BridgeTime;
 
-/// Bytes of a chirp that a board collects.
-const CHIRP: usize = 2048;
+/// Bytes of a receiver's row that a board collects.
+const ROW: usize = 2048;
 
 /// The datagrams of one frame of a hand before a wall.
 fn datagrams(profile: &RadarProfile) -> Vec<Vec<u8>> {
@@ -49,22 +49,22 @@ fn bench(criterion: &mut Criterion) {
 
     group.throughput(Throughput::Bytes(config.profile.frame_bytes().into()));
     group.bench_function("reassembly", |b| {
-        let mut reassembly = Reassembly::<CHIRP>::new(&config.profile).expect("chirps fit");
+        let mut reassembly = Reassembly::<ROW>::new(&config.profile).expect("rows fit");
         b.iter(|| {
-            let mut chirps = 0;
+            let mut rows = 0;
             for datagram in black_box(&datagrams) {
                 reassembly.push(datagram, |event| {
-                    chirps += u32::from(matches!(black_box(event), Event::Chirp { intact: true, .. }));
+                    rows += u32::from(matches!(black_box(event), Event::Row { intact: true, .. }));
                 });
             }
-            assert_eq!(chirps, config.profile.chirps_per_frame());
+            assert_eq!(rows, config.profile.chirps_per_frame() * config.profile.rx_count() as u32);
         });
     });
 
     group.throughput(Throughput::Elements(1));
     group.bench_function("frame_to_packets", |b| {
         let mut memory = vec![Complex::default(); CubeShape::of(&config).cells()];
-        let mut path = RadarPath::<CHIRP>::new(&config, &mut memory).expect("the configuration is valid");
+        let mut path = RadarPath::<ROW>::new(&config, &mut memory).expect("the configuration is valid");
         let mut uplink = Uplink::new(1);
         b.iter(|| {
             let mut packets = 0;

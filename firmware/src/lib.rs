@@ -7,8 +7,8 @@
 //! # The path of a radar frame
 //!
 //! ```text
-//! DCA1000 datagrams --dca1000::Reassembly--> chirps --dsp::RangeStage--> gated cube (i16, one exponent a chirp)
-//!                                                                          |
+//! DCA1000 datagrams --dca1000::Reassembly--> rows --dsp::RangeStage--> gated cube (i16, one exponent a row)
+//!                                                                        |
 //!       uplink packets <--uplink::MapPacker-- maps, covariance <--dsp::DopplerStage (one range bin at a time)
 //!
 //! SDK demo's UART  --mmwave::tlv--> range profile, heatmap, points --uplink::Uplink--> uplink packets

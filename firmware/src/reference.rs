@@ -5,7 +5,7 @@
 
 use num_complex::Complex;
 use rfhoi_shared::config::RadarConfig;
-use rfhoi_shared::radar::DCA1000_PAYLOAD;
+use rfhoi_shared::radar::{DCA1000_PAYLOAD, MAX_RX};
 use rfhoi_shared::units::BridgeTime;
 
 use crate::bridge::RadarPath;
@@ -13,8 +13,8 @@ use crate::dca1000::{Datagram, HEADER_BYTES};
 use crate::simulated::{Noise, Scatterer, SimulatedRadar};
 use crate::uplink::Uplink;
 
-/// Bytes of the longest chirp of the reference: 256 samples of 4 receivers.
-const MAX_CHIRP: usize = 4096;
+/// Bytes of the longest row of the reference: 256 samples; a chirp has 4.
+const MAX_ROW: usize = 1024;
 
 /// A hand that moves, a body that hardly does, and a wall.
 pub const SCENE: [Scatterer; 3] =
@@ -47,7 +47,7 @@ impl ReferenceRadar {
 /// path refuses `config`. `memory` holds the cube.
 pub fn digest(config: &RadarConfig, frames: u32, memory: &mut [Complex<i16>]) -> Option<u32> {
     let mut radar = ReferenceRadar::new(config)?;
-    let mut path = RadarPath::<MAX_CHIRP>::new(config, memory).ok()?;
+    let mut path = RadarPath::<MAX_ROW>::new(config, memory).ok()?;
     let mut uplink = Uplink::new(0);
     let mut hash = 0x811c_9dc5_u32;
     let mut take = |bytes: &[u8]| {
@@ -56,7 +56,7 @@ pub fn digest(config: &RadarConfig, frames: u32, memory: &mut [Complex<i16>]) ->
         }
         true
     };
-    let mut chirp = [0; MAX_CHIRP];
+    let mut chirp = [0; MAX_RX * MAX_ROW];
     let chirp = chirp.get_mut(..config.profile.chirp_bytes() as usize)?;
     let mut datagram = heapless::Vec::<u8, { HEADER_BYTES + DCA1000_PAYLOAD as usize }>::new();
     let (mut sequence, mut sent) = (1, 0);

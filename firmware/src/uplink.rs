@@ -77,10 +77,16 @@ impl MapPacker {
         if self.codes.len() + usize::from(self.columns) > MAX_MAP_BYTES {
             self.flush(emit);
         }
-        for code in codes.chain(core::iter::repeat(0)).take(self.columns.into()) {
-            // There is room, by the check above and the bound on columns.
-            let _ = self.codes.push(code);
-        }
+        let filled = self.codes.len();
+        // There is room, by the check above and the bound on columns.
+        let _ = self.codes.resize(filled + usize::from(self.columns), 0);
+        let mut places = self.codes.iter_mut().skip(filled);
+        // A loop inside the iterator: rows are chained of two halves.
+        codes.for_each(|code| {
+            if let Some(place) = places.next() {
+                *place = code;
+            }
+        });
     }
 
     /// Calls `emit` with what is left.

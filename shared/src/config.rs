@@ -216,7 +216,7 @@ pub enum ConfigError {
     },
     /// A chirp has more bytes than this bridge can collect.
     ChirpTooLarge {
-        /// Bytes of one chirp, all receivers.
+        /// Bytes of one chirp of one receiver.
         needed: u32,
         /// Bytes of the bridge's buffer.
         available: u32,
@@ -253,7 +253,7 @@ impl fmt::Display for ConfigError {
                 write!(f, "the gated cube needs {needed} bytes, the bridge has {available}")
             }
             Self::ChirpTooLarge { needed, available } => {
-                write!(f, "a chirp has {needed} bytes, the bridge collects {available}")
+                write!(f, "a chirp has {needed} bytes a receiver, the bridge collects {available}")
             }
             Self::RangeTimeColumns(n) => {
                 write!(f, "{n} range-time columns: need a power of two, at most the loops of a frame")

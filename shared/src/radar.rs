@@ -308,9 +308,14 @@ impl RadarProfile {
         MetresPerSecond(2.0 * self.velocity_span().0 / f32::from(self.loops))
     }
 
+    /// Raw bytes of one chirp of one receiver.
+    pub fn row_bytes(&self) -> u32 {
+        u32::from(self.samples) * self.format.bytes()
+    }
+
     /// Raw bytes of one chirp of all receivers.
     pub fn chirp_bytes(&self) -> u32 {
-        u32::from(self.samples) * self.format.bytes() * self.rx_count() as u32
+        self.row_bytes() * self.rx_count() as u32
     }
 
     /// Raw bytes of one frame.

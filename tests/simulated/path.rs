@@ -10,7 +10,7 @@ use rfhoi_shared::units::BridgeTime;
 use rfhoi_shared::wire::{DatagramCounts, FrameCounts};
 
 use super::network::Network;
-use super::world::{CHIRP, Host};
+use super::world::{Host, ROW};
 
 /// Memory for the gated cube of `config`.
 pub fn cube_memory(config: &RadarConfig) -> Vec<Complex<i16>> {
@@ -38,7 +38,7 @@ pub fn packets(
     arrivals: impl IntoIterator<Item = (BridgeTime, Vec<u8>)>,
 ) -> Packets {
     let mut memory = cube_memory(config);
-    let mut path = RadarPath::<CHIRP>::new(config, &mut memory).expect("the configuration is valid");
+    let mut path = RadarPath::<ROW>::new(config, &mut memory).expect("the configuration is valid");
     let mut uplink = Uplink::new(boot);
     let mut packets = Vec::new();
     let mut last = BridgeTime(0);

@@ -20,8 +20,8 @@ use super::tcp::Pipe;
 
 /// A second of [`BridgeTime`].
 pub const SECOND: u64 = 1_000_000;
-/// Bytes of a chirp that the simulated board collects.
-pub const CHIRP: usize = 4096;
+/// Bytes of a chirp of one receiver that the simulated board collects.
+pub const ROW: usize = 4096;
 /// From one telemetry message to the next, us.
 const TELEMETRY_US: u64 = SECOND;
 /// Steps without time going on before something is wrong; a handful happen when one thing leads to another.
@@ -111,7 +111,7 @@ pub struct RadarSide<'m> {
     /// Between recorder and bridge.
     pub network: Network,
     /// The bridge's path.
-    pub path: RadarPath<'m, CHIRP>,
+    pub path: RadarPath<'m, ROW>,
 }
 
 impl<'m> RadarSide<'m> {
@@ -119,7 +119,7 @@ impl<'m> RadarSide<'m> {
     pub fn new(
         source: impl Iterator<Item = (BridgeTime, Vec<u8>)> + 'm,
         network: Network,
-        path: RadarPath<'m, CHIRP>,
+        path: RadarPath<'m, ROW>,
     ) -> Self {
         let source: Box<dyn Iterator<Item = _>> = Box::new(source);
         let mut source = source.peekable();

@@ -6,6 +6,7 @@ use num_complex::Complex;
 use rfhoi_firmware::bridge::{Capture, FrameDone};
 use rfhoi_firmware::dsp::{Cube, CubeShape};
 use rfhoi_shared::config::{Ipv4, RadarConfig, RadarInput};
+use rfhoi_shared::radar::MAX_SAMPLES;
 use rfhoi_shared::units::BridgeTime;
 use rfhoi_shared::wire::{DatagramCounts, FrameCounts};
 
@@ -14,14 +15,14 @@ use crate::handover::Handover;
 use crate::tap::Datagrams;
 use crate::{CUBE_CELLS, now};
 
-/// Bytes of a chirp, at most: 256 samples of 4 receivers.
-const CHIRP: usize = 4096;
+/// Bytes of a chirp of one receiver, at most: complex samples of 16 bits.
+const ROW: usize = 4 * MAX_SAMPLES;
 /// Reassembly, range stage, and the cube being filled.
 pub(crate) struct Intake {
-    capture: Option<Capture<CHIRP>>,
+    capture: Option<Capture<ROW>>,
     /// Of no size while signal processing has the only one.
     cube: Cube<'static>,
-    /// There is memory for one cube only.
+    /// There is memory for one cube only: of two frames that follow each other closely the second is lost.
     single: bool,
     handover: &'static Handover,
     overruns: u32,
@@ -63,7 +64,12 @@ impl Intake {
         }
         capture.push(now, bytes, cube, |cube, done: FrameDone| {
             let next = match handover.spare.try_receive() {
-                Ok(next) => next,
+                Ok(spare) if cube.is_nothing() => {
+                    *overruns = overruns.wrapping_add(1);
+                    *cube = spare;
+                    return;
+                }
+                Ok(spare) => spare,
                 Err(_) if *single && !cube.is_nothing() => Cube::nothing(),
                 Err(_) => {
                     *overruns = overruns.wrapping_add(1);

@@ -27,22 +27,32 @@ pub struct FrameDone {
     pub clipped: u32,
 }
 
-/// The half that works as chirps arrive: reassembly and range FFT into a cube. `CHIRP` bounds the bytes of a chirp.
+/// The half that works as chirps arrive: reassembly and range FFT into a cube. `ROW` bounds the bytes of a chirp of one
+/// receiver.
 #[derive(Debug)]
-pub struct Capture<const CHIRP: usize> {
-    reassembly: Reassembly<CHIRP>,
-    range: RangeStage,
-    started: BridgeTime,
-    clipped: u32,
+pub struct Capture<const ROW: usize> {
+    reassembly: Reassembly<ROW>,
+    filling: Filling,
 }
 
-impl<const CHIRP: usize> Capture<CHIRP> {
-    /// A capture with a configuration that is valid, or `None` where its chirps are longer than `CHIRP`.
+/// The frame whose rows go into the cube.
+#[derive(Debug)]
+struct Filling {
+    range: RangeStage,
+    started: BridgeTime,
+    /// Words at the ADC's limits, of the frame and of what came before the chirp under way.
+    clipped: u32,
+    clipped_before: u32,
+}
+
+impl<const ROW: usize> Capture<ROW> {
+    /// A capture with a configuration that is valid, or `None` where its rows are longer than `ROW`.
     pub fn new(config: &RadarConfig) -> Option<Self> {
         let mut range = RangeStage::new();
         range.configure(&config.profile, config.processing.gate);
         let reassembly = Reassembly::new(&config.profile)?;
-        Some(Self { reassembly, range, started: BridgeTime::default(), clipped: 0 })
+        let filling = Filling { range, started: BridgeTime::default(), clipped: 0, clipped_before: 0 };
+        Some(Self { reassembly, filling })
     }
 
     /// Takes a UDP payload that arrived at `now`; `on_frame` is called with the cube of a frame that it completed, and
@@ -52,10 +62,10 @@ impl<const CHIRP: usize> Capture<CHIRP> {
         now: BridgeTime,
         datagram: &[u8],
         cube: &mut Cube<'m>,
-        on_frame: impl FnMut(&mut Cube<'m>, FrameDone),
+        mut on_frame: impl FnMut(&mut Cube<'m>, FrameDone),
     ) {
-        let Self { reassembly, range, started, clipped } = self;
-        reassembly.push(datagram, chirps_into(cube, range, now, started, clipped, on_frame));
+        let Self { reassembly, filling } = self;
+        reassembly.push(datagram, |event| filling.take(now, event, cube, &mut on_frame));
     }
 
     /// Ends the frame under way, as when the radar stops.
@@ -63,10 +73,10 @@ impl<const CHIRP: usize> Capture<CHIRP> {
         &mut self,
         now: BridgeTime,
         cube: &mut Cube<'m>,
-        on_frame: impl FnMut(&mut Cube<'m>, FrameDone),
+        mut on_frame: impl FnMut(&mut Cube<'m>, FrameDone),
     ) {
-        let Self { reassembly, range, started, clipped } = self;
-        reassembly.finish(chirps_into(cube, range, now, started, clipped, on_frame));
+        let Self { reassembly, filling } = self;
+        reassembly.finish(|event| filling.take(now, event, cube, &mut on_frame));
     }
 
     /// Whether no frame is under way.
@@ -85,29 +95,38 @@ impl<const CHIRP: usize> Capture<CHIRP> {
     }
 }
 
-fn chirps_into<'m>(
-    cube: &mut Cube<'m>,
-    range: &mut RangeStage,
-    now: BridgeTime,
-    started: &mut BridgeTime,
-    clipped: &mut u32,
-    mut on_frame: impl FnMut(&mut Cube<'m>, FrameDone),
-) -> impl FnMut(Event<'_>) {
-    move |event| match event {
-        Event::FrameStart { .. } => {
-            *started = now;
-            *clipped = 0;
-            cube.clear();
+impl Filling {
+    fn take<'m>(
+        &mut self,
+        now: BridgeTime,
+        event: Event<'_>,
+        cube: &mut Cube<'m>,
+        on_frame: &mut impl FnMut(&mut Cube<'m>, FrameDone),
+    ) {
+        match event {
+            Event::FrameStart { .. } => {
+                self.started = now;
+                self.clipped = 0;
+                cube.clear();
+            }
+            Event::Row { chirp, receiver, bytes, intact } => {
+                if receiver == 0 {
+                    self.clipped_before = self.clipped;
+                }
+                if intact {
+                    self.clipped = self.clipped.saturating_add(self.range.row(chirp, receiver, bytes, cube));
+                } else {
+                    // A chirp with a hole is worth nothing: the receivers are compared with each other.
+                    self.range.take_back(chirp, cube);
+                    self.clipped = self.clipped_before;
+                }
+            }
+            Event::FrameEnd { frame, chirps_lost } => {
+                let Self { started, clipped, .. } = *self;
+                on_frame(cube, FrameDone { frame, time: started, last: now, chirps_lost, clipped });
+            }
+            Event::Restarted | Event::FramesLost(_) => {}
         }
-        // A chirp with a hole is worth nothing: a step in its samples spreads over all range bins.
-        Event::Chirp { intact: false, .. } => {}
-        Event::Chirp { index, bytes, intact: true } => {
-            *clipped = clipped.saturating_add(range.chirp(index, bytes, cube));
-        }
-        Event::FrameEnd { frame, chirps_lost } => {
-            on_frame(cube, FrameDone { frame, time: *started, last: now, chirps_lost, clipped: *clipped });
-        }
-        Event::Restarted | Event::FramesLost(_) => {}
     }
 }
 
@@ -122,6 +141,7 @@ pub struct Mapping<D = DopplerStage> {
     range_time: MapPacker,
     config: RadarConfig,
     profile: u32,
+    /// The frame at hand, and its next range bin.
     done: FrameDone,
     bin: usize,
 }
@@ -215,13 +235,13 @@ impl<D: BorrowMut<DopplerStage>> Mapping<D> {
 
 /// Both halves on one cube: datagrams in, packets out.
 #[derive(Debug)]
-pub struct RadarPath<'m, const CHIRP: usize> {
-    capture: Capture<CHIRP>,
+pub struct RadarPath<'m, const ROW: usize> {
+    capture: Capture<ROW>,
     mapping: Mapping,
     cube: Cube<'m>,
 }
 
-impl<'m, const CHIRP: usize> RadarPath<'m, CHIRP> {
+impl<'m, const ROW: usize> RadarPath<'m, ROW> {
     /// A path with `memory` for one gated cube.
     ///
     /// # Errors
@@ -238,8 +258,8 @@ impl<'m, const CHIRP: usize> RadarPath<'m, CHIRP> {
             return Err(too_large);
         }
         let capture = Capture::new(config).ok_or(ConfigError::ChirpTooLarge {
-            needed: config.profile.chirp_bytes(),
-            available: CHIRP as u32,
+            needed: config.profile.row_bytes(),
+            available: ROW as u32,
         })?;
         Ok(Self { capture, mapping: Mapping::new(config, DopplerStage::new()), cube })
     }
@@ -275,5 +295,61 @@ impl<'m, const CHIRP: usize> RadarPath<'m, CHIRP> {
     /// Counts of frames.
     pub fn frames(&self) -> FrameCounts {
         self.capture.frames()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::vec;
+    use std::vec::Vec;
+
+    use rfhoi_shared::config::{Processing, RadarInput};
+    use rfhoi_shared::radar::{DCA1000_PAYLOAD, RadarProfile};
+    use rfhoi_shared::units::Metres;
+
+    use super::*;
+    use crate::dca1000::Datagram;
+
+    #[test]
+    fn a_chirp_with_a_hole_leaves_nothing_behind() {
+        let profile = RadarProfile::bridge();
+        let processing = Processing::with_gate(&profile, profile.gate_to(Metres(1.0)));
+        let config = RadarConfig { profile, input: RadarInput::Uart, processing };
+        let shape = CubeShape::of(&config);
+        let mut memory = vec![Complex::default(); shape.cells()];
+        let mut cube = Cube::new(&mut memory);
+        assert!(cube.reshape(shape));
+        let mut capture = Capture::<512>::new(&config).unwrap();
+        // All words are at the ADC's limits, so the chirps that count can be counted.
+        let chirp_words = config.profile.chirp_bytes() / 2;
+        let frame = i16::MAX.to_le_bytes().repeat((chirp_words * config.profile.chirps_per_frame()) as usize);
+        let datagrams: Vec<_> = (0..)
+            .zip(frame.chunks(DCA1000_PAYLOAD as usize))
+            .map(|(i, part)| {
+                [&Datagram::header(i + 1, u64::from(i) * u64::from(DCA1000_PAYLOAD)), part].concat()
+            })
+            .collect();
+        let mut frames = 0;
+        for lost in 0..datagrams.len() - 1 {
+            // Each frame begins as after the recorder's start.
+            for (_, datagram) in datagrams.iter().enumerate().filter(|&(i, _)| i != lost) {
+                capture.push(BridgeTime(0), datagram, &mut cube, |cube, done| {
+                    let stored = |v| cube.scales(v).map(|s| s.is_some()).collect::<Vec<_>>();
+                    for v in 0..shape.virtuals {
+                        assert_eq!(
+                            stored(v),
+                            stored(v / 4 * 4),
+                            "receivers of a chirp come or are lost together"
+                        );
+                    }
+                    let chirps = [0, 4, 8].map(|v| stored(v).iter().filter(|s| **s).count() as u32);
+                    let came: u32 = chirps.iter().sum();
+                    assert_eq!(came + done.chirps_lost, config.profile.chirps_per_frame());
+                    assert_eq!(done.clipped, came * chirp_words);
+                    frames += u32::from(done.chirps_lost > 0);
+                });
+            }
+        }
+        assert_eq!(frames as usize, datagrams.len() - 1);
     }
 }

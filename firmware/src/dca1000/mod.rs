@@ -3,7 +3,7 @@
 //! * [`command`]: what goes over UDP port [`CONFIG_PORT`], both ways.
 //! * [`setup`]: the commands that start and stop a recording, with their answers.
 //! * [`Datagram`]: one datagram of raw samples on UDP port [`DATA_PORT`].
-//! * [`Reassembly`]: datagrams in, chirps out, with holes marked.
+//! * [`Reassembly`]: datagrams in, rows of chirps out, with holes marked.
 //! * [`samples`]: the words of a chirp as numbers.
 //!
 //! Layouts: TI SPRUIJ4A and the FPGA's behaviour on the wire.

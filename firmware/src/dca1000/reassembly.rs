@@ -1,8 +1,11 @@
-//! Datagrams in, chirps out.
+//! Datagrams in, rows of chirps out.
 //!
 //! Frames do not end where datagrams end, so a position in the byte stream is all there is: frame `k` starts at byte
 //! `k x frame_bytes`. A datagram that never came leaves a hole; its bytes become zeros and the chirps that they touch
 //! are marked, so nothing after a hole is ever shifted. What comes after its place was given up is dropped.
+//!
+//! What is handed out is a row, one receiver's samples of a chirp: it is shorter than a datagram, so most rows lie in one
+//! and are lent from there; only those that straddle two are copied.
 //!
 //! A datagram is believed if its sequence number and its byte count moved together. The recorder starts again at
 //! sequence 1 and byte 0; if that very datagram is lost, a run of datagrams that follow each other, but not the stream,
@@ -30,13 +33,16 @@ pub enum Event<'a> {
         /// Number of the frame, from 0, growing across restarts.
         frame: u32,
     },
-    /// The next chirp of the frame.
-    Chirp {
+    /// The next row of the frame: all receivers of a chirp, then the next chirp.
+    Row {
         /// Number of the chirp in its frame: `loop x slots + slot`.
-        index: u32,
-        /// Its samples, all receivers; zeros where they were lost.
+        chirp: u32,
+        /// Number of the receiver among those in use.
+        receiver: u32,
+        /// The samples; zeros where they were lost.
         bytes: &'a [u8],
-        /// Whether all bytes came.
+        /// Whether all bytes of the chirp came so far. Once it is false it stays so to the end of the chirp, which is then
+        /// worth nothing: rows of it that were handed out before are to be taken back.
         intact: bool,
     },
     /// A frame ends.
@@ -77,10 +83,11 @@ impl Position {
     }
 }
 
-/// The state between two datagrams. `CHIRP` bounds the bytes of a chirp.
+/// The state between two datagrams. `ROW` bounds the bytes of a row.
 #[derive(Debug)]
-pub struct Reassembly<const CHIRP: usize> {
-    chirp_bytes: u32,
+pub struct Reassembly<const ROW: usize> {
+    row_bytes: u32,
+    receivers: u32,
     chirps_per_frame: u32,
     /// Where the next datagram is expected; `None` before the first.
     next: Option<Position>,
@@ -90,28 +97,31 @@ pub struct Reassembly<const CHIRP: usize> {
     seen: u64,
     /// Datagrams that do not follow the stream but each other.
     stray: Option<(Position, u8)>,
-    /// Frame and chirp under way, and how much of the chirp is there.
+    /// Frame, chirp and row under way, and how much of the row is there.
     frame: u32,
     chirp: u32,
+    receiver: u32,
     filled: u32,
     in_frame: bool,
+    /// Bytes of the chirp under way are lost.
     hole: bool,
     chirps_lost: u32,
-    buffer: [u8; CHIRP],
+    buffer: [u8; ROW],
     datagrams: DatagramCounts,
     frames: FrameCounts,
 }
 
-impl<const CHIRP: usize> Reassembly<CHIRP> {
-    /// Reassembly of `profile`'s chirps, or `None` where one is longer than `CHIRP` bytes, or empty.
+impl<const ROW: usize> Reassembly<ROW> {
+    /// Reassembly of `profile`'s chirps, or `None` where a row is longer than `ROW` bytes, or a frame is empty.
     pub fn new(profile: &RadarProfile) -> Option<Self> {
-        let chirp_bytes = profile.chirp_bytes();
+        let (row_bytes, receivers) = (profile.row_bytes(), profile.rx_count() as u32);
         let chirps_per_frame = profile.chirps_per_frame();
-        if chirp_bytes == 0 || chirp_bytes as usize > CHIRP || chirps_per_frame == 0 {
+        if row_bytes as usize > ROW || [row_bytes, receivers, chirps_per_frame].contains(&0) {
             return None;
         }
         Some(Self {
-            chirp_bytes,
+            row_bytes,
+            receivers,
             chirps_per_frame,
             next: None,
             full: 0,
@@ -119,11 +129,12 @@ impl<const CHIRP: usize> Reassembly<CHIRP> {
             stray: None,
             frame: 0,
             chirp: 0,
+            receiver: 0,
             filled: 0,
             in_frame: false,
             hole: false,
             chirps_lost: 0,
-            buffer: [0; CHIRP],
+            buffer: [0; ROW],
             datagrams: DatagramCounts::default(),
             frames: FrameCounts::default(),
         })
@@ -141,7 +152,11 @@ impl<const CHIRP: usize> Reassembly<CHIRP> {
 
     /// Bytes of the frame under way that have come or are known lost.
     pub fn frame_bytes_done(&self) -> u32 {
-        self.chirp * self.chirp_bytes + self.filled
+        (self.chirp * self.receivers + self.receiver) * self.row_bytes + self.filled
+    }
+
+    fn frame_bytes(&self) -> u32 {
+        self.chirps_per_frame * self.receivers * self.row_bytes
     }
 
     /// Takes one UDP payload.
@@ -236,19 +251,18 @@ impl<const CHIRP: usize> Reassembly<CHIRP> {
     fn start_at(&mut self, datagram: &Datagram<'_>, on_event: &mut impl FnMut(Event<'_>)) {
         self.full = 0;
         self.seen = 0;
-        let frame_bytes = u64::from(self.chirp_bytes) * u64::from(self.chirps_per_frame);
-        self.skip(datagram.byte_count % frame_bytes, on_event);
+        self.skip(datagram.byte_count % u64::from(self.frame_bytes()), on_event);
     }
 
     /// Appends samples.
     fn fill(&mut self, mut bytes: &[u8], on_event: &mut impl FnMut(Event<'_>)) {
         while !bytes.is_empty() {
-            let missing = (self.chirp_bytes - self.filled) as usize;
-            // A chirp that lies in the datagram whole needs no copy.
+            let missing = (self.row_bytes - self.filled) as usize;
+            // A row that lies in the datagram whole needs no copy.
             if self.filled == 0
-                && let Some((chirp, rest)) = bytes.split_at_checked(missing)
+                && let Some((row, rest)) = bytes.split_at_checked(missing)
             {
-                self.emit(on_event, Some(chirp), true);
+                self.emit(Some(row), on_event);
                 bytes = rest;
                 continue;
             }
@@ -260,7 +274,7 @@ impl<const CHIRP: usize> Reassembly<CHIRP> {
 
     /// Appends `bytes` zeros, whole frames at once.
     fn skip(&mut self, mut bytes: u64, on_event: &mut impl FnMut(Event<'_>)) {
-        let frame_bytes = u64::from(self.chirp_bytes) * u64::from(self.chirps_per_frame);
+        let frame_bytes = u64::from(self.frame_bytes());
         while bytes > 0 {
             if !self.in_frame && bytes >= frame_bytes {
                 let frames = u32::try_from(bytes / frame_bytes).unwrap_or(u32::MAX);
@@ -271,13 +285,13 @@ impl<const CHIRP: usize> Reassembly<CHIRP> {
                 continue;
             }
             self.hole = true;
-            let part = bytes.min(u64::from(self.chirp_bytes - self.filled));
+            let part = bytes.min(u64::from(self.row_bytes - self.filled));
             self.append(part as usize, |room| room.fill(0), on_event);
             bytes -= part;
         }
     }
 
-    /// Writes `length` bytes of the chirp under way, which it does not overrun, and hands the chirp on once it is full.
+    /// Writes `length` bytes of the row under way, which it does not overrun, and hands the row on once it is full.
     fn append(&mut self, length: usize, write: impl FnOnce(&mut [u8]), on_event: &mut impl FnMut(Event<'_>)) {
         let from = self.filled as usize;
         if let Some(room) = self.buffer.get_mut(from..from + length) {
@@ -287,9 +301,8 @@ impl<const CHIRP: usize> Reassembly<CHIRP> {
             self.start_frame(on_event);
         }
         self.filled += length as u32;
-        if self.filled == self.chirp_bytes {
-            let intact = !self.hole;
-            self.emit(on_event, None, intact);
+        if self.filled == self.row_bytes {
+            self.emit(None, on_event);
         }
     }
 
@@ -298,19 +311,24 @@ impl<const CHIRP: usize> Reassembly<CHIRP> {
         on_event(Event::FrameStart { frame: self.frame });
     }
 
-    /// Hands on the chirp under way: `chirp`, or what was collected.
-    fn emit(&mut self, on_event: &mut impl FnMut(Event<'_>), chirp: Option<&[u8]>, intact: bool) {
+    /// Hands on the row under way: `row`, or what was collected.
+    fn emit(&mut self, row: Option<&[u8]>, on_event: &mut impl FnMut(Event<'_>)) {
         if !self.in_frame {
             self.start_frame(on_event);
         }
-        let collected = self.buffer.get(..self.chirp_bytes as usize).unwrap_or(&[]);
-        on_event(Event::Chirp { index: self.chirp, bytes: chirp.unwrap_or(collected), intact });
-        self.chirps_lost += u32::from(!intact);
+        let bytes = row.or(self.buffer.get(..self.row_bytes as usize)).unwrap_or(&[]);
+        let Self { chirp, receiver, hole, .. } = *self;
+        on_event(Event::Row { chirp, receiver, bytes, intact: !hole });
         self.filled = 0;
-        self.hole = false;
-        self.chirp += 1;
-        if self.chirp == self.chirps_per_frame {
-            self.close_frame(on_event);
+        self.receiver += 1;
+        if self.receiver == self.receivers {
+            self.receiver = 0;
+            self.hole = false;
+            self.chirps_lost += u32::from(hole);
+            self.chirp += 1;
+            if self.chirp == self.chirps_per_frame {
+                self.close_frame(on_event);
+            }
         }
     }
 
@@ -318,7 +336,7 @@ impl<const CHIRP: usize> Reassembly<CHIRP> {
     fn end_frame(&mut self, on_event: &mut impl FnMut(Event<'_>)) {
         if self.in_frame {
             let done = self.frame_bytes_done();
-            self.skip(u64::from(self.chirp_bytes * self.chirps_per_frame - done), on_event);
+            self.skip(u64::from(self.frame_bytes() - done), on_event);
         }
     }
 

@@ -88,24 +88,30 @@ impl<'m> Cube<'m> {
     /// Stores the gated range spectrum of one receiver and chirp. Parts must be below 2^100.
     pub fn store(&mut self, virtual_antenna: usize, loop_index: usize, spectrum: &[Complex32]) {
         let CubeShape { bins, virtuals, loops } = self.shape;
-        if virtual_antenna >= virtuals || loop_index >= loops {
-            return;
-        }
-        let Some(exponent) = self.exponents.get_mut(virtual_antenna).and_then(|row| row.get_mut(loop_index))
-        else {
-            return;
-        };
-        let shift = shift_for(spectrum.iter().take(bins));
+        let spectrum = spectrum.get(..bins).unwrap_or(spectrum);
+        let Some(exponent) = self.exponent(virtual_antenna, loop_index) else { return };
+        let shift = shift_for(spectrum);
         *exponent = shift as i8;
-        let scale = power_of_two(shift);
-        let start = virtual_antenna * loops + loop_index;
-        // An index costs the MCU less than an iterator of steps or chunks.
-        let (mut at, bin_step) = (start, virtuals * loops);
-        for z in spectrum.iter().take(bins) {
-            let Some(cell) = self.cells.get_mut(at) else { return };
-            *cell = Complex::new(round_to_i16(z.re * scale), round_to_i16(z.im * scale));
-            at += bin_step;
+        let units = units(shift);
+        let place = virtual_antenna * loops + loop_index;
+        for (z, plane) in spectrum.iter().zip(self.cells.chunks_exact_mut(virtuals * loops)) {
+            if let Some(cell) = plane.get_mut(place) {
+                *cell = round(z, units);
+            }
         }
+    }
+
+    /// Takes a row back: it counts as lost.
+    pub fn remove(&mut self, virtual_antenna: usize, loop_index: usize) {
+        if let Some(exponent) = self.exponent(virtual_antenna, loop_index) {
+            *exponent = NOT_STORED;
+        }
+    }
+
+    /// The exponent of a row, if it lies in the cube.
+    fn exponent(&mut self, virtual_antenna: usize, loop_index: usize) -> Option<&mut i8> {
+        let CubeShape { virtuals, loops, .. } = self.shape;
+        self.exponents.get_mut(..virtuals)?.get_mut(virtual_antenna)?.get_mut(..loops)?.get_mut(loop_index)
     }
 
     /// The loops of one range bin and virtual antenna, to be multiplied by [`Self::scales`].
@@ -126,15 +132,15 @@ impl<'m> Cube<'m> {
 }
 
 /// The power of two by which the largest part becomes 2^14 or more and rounds to at most 2^15 - 1.
-fn shift_for<'z>(spectrum: impl Iterator<Item = &'z Complex32>) -> i32 {
-    const SIGN: u32 = 1 << 31;
-    // Bits of positive floats are ordered as the floats are.
-    let largest = spectrum.fold(0, |m, z| m.max(z.re.to_bits() & !SIGN).max(z.im.to_bits() & !SIGN));
+fn shift_for(spectrum: &[Complex32]) -> i32 {
+    // Bits of floats without the sign, which the shift drops, are ordered as the magnitudes are.
+    let magnitude = |x: f32| x.to_bits() << 1;
+    let largest = spectrum.iter().fold(0, |m, z| m.max(magnitude(z.re)).max(magnitude(z.im)));
     // A part that would round up to 2^15 belongs to the next power. Of 23 bits of mantissa 14 stay, so this is half a
     // unit of what stays.
-    const ROUND_UP: u32 = 1 << (23 - 14 - 1);
+    const ROUND_UP: u32 = 1 << (24 - 14 - 1);
     const BIAS: i32 = 127;
-    let exponent = (largest.saturating_add(ROUND_UP) >> 23) as i32 - BIAS;
+    let exponent = (largest.saturating_add(ROUND_UP) >> 24) as i32 - BIAS;
     // Far from what floats and an i8 can hold; a row of zeros ends up here.
     const LIMIT: i32 = 100;
     (14 - exponent).clamp(-LIMIT, LIMIT)
@@ -145,10 +151,16 @@ fn power_of_two(exponent: i32) -> f32 {
     f32::from_bits(((127 + exponent) as u32) << 23)
 }
 
-/// Rounds to nearest, ties to even, for `|x| < 2^15`: after adding 1.5 x 2^23 the unit is the last bit of the mantissa.
-fn round_to_i16(x: f32) -> i16 {
-    const UNITS: f32 = 12_582_912.0;
-    (x + UNITS).to_bits() as i16
+/// What brings 2^-shift to the last bit of the mantissa when it is added: 1.5 x 2^23 of that.
+fn units(shift: i32) -> f32 {
+    12_582_912.0 * power_of_two(-shift)
+}
+
+/// Rounds to whole [`units`], to nearest, ties to even; parts are below 2^15 of them.
+fn round(z: &Complex32, units: f32) -> Complex<i16> {
+    // One word, which is stored as one.
+    let word = (z.re + units).to_bits() & 0xffff | (z.im + units).to_bits() << 16;
+    Complex::new(word as i16, (word >> 16) as i16)
 }
 
 #[cfg(test)]
@@ -191,6 +203,10 @@ mod tests {
                 assert_eq!(read_back(&cube, v, l), stored.then(|| row(v, l)));
             }
         }
+        cube.remove(0, 2);
+        cube.remove(7, 7);
+        assert_eq!(read_back(&cube, 0, 2), None);
+        assert_eq!(read_back(&cube, 0, 0), Some(row(0, 0)));
         cube.clear();
         assert!(cube.scales(0).all(|s| s.is_none()));
     }
@@ -210,9 +226,10 @@ mod tests {
     fn largest_parts_neither_overflow_nor_lose_a_bit() {
         for x in [1.0, 0.999_97, 0.999_99, 0.999_999_9, 0.5, 0.500_01, 1e-20, 3e20, 32767.4, 32767.6] {
             for x in [x, -x] {
-                let shift = shift_for([Complex32::new(0.0, x)].iter());
+                let z = Complex32::new(0.0, x);
+                let shift = shift_for(&[z]);
                 let scaled = x * power_of_two(shift);
-                let code = round_to_i16(scaled);
+                let code = round(&z, units(shift)).im;
                 assert!(
                     (f32::from(code) - scaled).abs() <= 0.5 && code.unsigned_abs() >= 1 << 14,
                     "{x}: {scaled} became {code}"

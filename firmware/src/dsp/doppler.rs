@@ -150,8 +150,8 @@ impl DopplerStage {
     /// Computes the rows of range bin `bin` of `cube` and adds its moving cells to the covariance.
     pub fn range_bin(&mut self, cube: &Cube<'_>, bin: usize) -> Row<'_> {
         let (loops, columns) = (self.loops, self.columns);
-        self.power.fill(0.0);
-        self.time.fill(0.0);
+        let time = self.time.get_mut(..columns).unwrap_or(&mut []);
+        time.fill(0.0);
         let mut timed = 0;
         for v in 0..self.virtuals {
             let (Some(spectrum), Some(factors), Some(slot)) = (
@@ -183,32 +183,27 @@ impl DopplerStage {
                 }
             };
             remove(static_part, slot, spectrum);
-            for (power, x) in self.power.iter_mut().zip(&*spectrum) {
-                *power += x.norm_sqr();
-            }
             if v % self.receivers == 0
                 && let Some(scales) = self.scales.get(v)
             {
                 let group = (loops / columns).max(1);
                 timed += 1;
-                for ((row, scales), time) in row.chunks(group).zip(scales.chunks(group)).zip(&mut self.time) {
-                    *time += residual_power(row, scales, static_part);
+                for ((row, scales), time) in row.chunks(group).zip(scales.chunks(group)).zip(&mut *time) {
+                    *time += residual_power(row, scales, static_part, slot.intact);
                 }
             }
         }
-        let mean_over_antennas = 1.0 / self.virtuals.max(1) as f32;
-        for power in self.power.iter_mut().take(loops) {
-            *power *= mean_over_antennas;
-        }
         let mean_over_loops = columns as f32 / (loops * timed).max(1) as f32;
-        for time in self.time.iter_mut().take(columns) {
+        for time in &mut *time {
             *time *= mean_over_loops;
         }
-        let power = self.power.get(..loops).unwrap_or(&[]);
+        let power = self.power.get_mut(..loops).unwrap_or(&mut []);
+        let spectra = self.spectra.get(..self.virtuals).unwrap_or(&[]);
+        mean_power(spectra, power);
         self.moving.add(power, &self.spectra);
         // FFT order has the negative half last; a single bin is zero Doppler.
         let (positive, negative) = power.split_at_checked(loops.div_ceil(2)).unwrap_or_default();
-        Row { doppler: [negative, positive], time: self.time.get(..columns).unwrap_or(&[]) }
+        Row { doppler: [negative, positive], time }
     }
 
     /// Ends the frame and yields what moved in it.
@@ -233,10 +228,31 @@ fn remove(static_part: Complex32, slot: &Slot, spectrum: &mut [Complex32]) {
 }
 
 /// Energy of what is left of some loops of a row without its static part; lost chirps have none.
-fn residual_power(row: &[Complex<i16>], scales: &[f32], static_part: Complex32) -> f32 {
-    let residual = |(cell, &scale): (&Complex<i16>, &f32)| {
+fn residual_power(row: &[Complex<i16>], scales: &[f32], static_part: Complex32, intact: bool) -> f32 {
+    row.iter().zip(scales).filter(|&(_, &scale)| intact || scale != 0.0).fold(0.0, |sum, (cell, &scale)| {
         let x = Complex32::new(f32::from(cell.re) * scale, f32::from(cell.im) * scale) - static_part;
-        if scale == 0.0 { 0.0 } else { x.norm_sqr() }
-    };
-    row.iter().zip(scales).map(residual).sum()
+        sum + x.re * x.re + x.im * x.im
+    })
+}
+
+/// Writes the power by bin, the mean over the rows of `spectra`.
+fn mean_power(spectra: &[[Complex32; MAX_LOOPS]], power: &mut [f32]) {
+    power.fill(0.0);
+    // Sums of four rows stay in registers.
+    let (fours, rest) = spectra.as_chunks::<4>();
+    for [a, b, c, d] in fours {
+        for ((((p, a), b), c), d) in power.iter_mut().zip(a).zip(b).zip(c).zip(d) {
+            let re = *p + a.re * a.re + b.re * b.re + c.re * c.re + d.re * d.re;
+            *p = re + (a.im * a.im + b.im * b.im + c.im * c.im + d.im * d.im);
+        }
+    }
+    for row in rest {
+        for (p, z) in power.iter_mut().zip(row) {
+            *p += z.norm_sqr();
+        }
+    }
+    let share = 1.0 / spectra.len().max(1) as f32;
+    for p in power {
+        *p *= share;
+    }
 }

@@ -29,9 +29,11 @@ pub fn log2(x: f32) -> f32 {
 /// The code of `power`, relative to a full-scale tone, on [`SCALE`]; rounded, clamped at both ends.
 pub fn code(power: f32) -> u8 {
     const PER_OCTAVE: f32 = DB_PER_OCTAVE / SCALE.step_db;
-    // Half a step is added so that the cast, which saturates, rounds.
-    const OFFSET: f32 = 0.5 - SCALE.floor_db / SCALE.step_db;
-    (log2(power) * PER_OCTAVE + OFFSET) as u8
+    const OFFSET: f32 = -SCALE.floor_db / SCALE.step_db;
+    // Brings ones to the last bit of the mantissa, and so rounds; cheaper than a cast.
+    const ONES: f32 = 12_582_912.0;
+    let rounded = (log2(power) * PER_OCTAVE + (OFFSET + ONES)).to_bits() as i32 - ONES.to_bits() as i32;
+    rounded.clamp(0, u8::MAX.into()) as u8
 }
 
 /// A level in dB as a factor of power.

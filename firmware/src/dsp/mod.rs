@@ -1,7 +1,7 @@
 //! Signal processing of the bridge, on microfft.
 //!
-//! A chirp goes through the [`RangeStage`] as it arrives: words to numbers, window, range FFT, and the bins of the gate
-//! into the [`Cube`] as 16-bit numbers with one exponent for each row. When the frame is complete the
+//! A row, one receiver's samples of a chirp, goes through the [`RangeStage`] as it arrives: words to numbers, window,
+//! range FFT, and the bins of the gate into the [`Cube`] as 16-bit numbers with one exponent. When the frame is complete the
 //! [`DopplerStage`] takes the cube one range bin at a time: window, Doppler FFT and static clutter off for all
 //! virtual antennas, one row of each map, and the cells that move into the spatial covariance. One range bin is the unit of
 //! work, so that a scheduler can let reception in between.

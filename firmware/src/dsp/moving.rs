@@ -96,20 +96,18 @@ impl MovingCells {
             }
             turn *= step;
         }
-        let mut packed = self.sum.iter_mut();
+        let mut packed = self.sum.as_mut_slice();
         let mut rest = snapshot.get(..self.virtuals).unwrap_or(&[]);
-        while let [x, after @ ..] = rest {
-            // Rows of the upper triangle, as they are packed.
-            if let Some(s) = packed.next() {
-                *s += x.norm_sqr();
-            }
-            for y in after {
+        // Rows of the upper triangle, as they are packed.
+        while let ([x, after @ ..], [diagonal, others @ ..]) = (rest, packed) {
+            *diagonal += x.norm_sqr();
+            let (row, below) = others.split_at_mut_checked(2 * after.len()).unwrap_or_default();
+            for ([re, im], y) in row.as_chunks_mut::<2>().0.iter_mut().zip(after) {
                 let product = x * y.conj();
-                for (s, part) in packed.by_ref().zip([product.re, product.im]).take(2) {
-                    *s += part;
-                }
+                *re += product.re;
+                *im += product.im;
             }
-            rest = after;
+            (rest, packed) = (after, below);
         }
         self.cells += 1;
     }

@@ -68,22 +68,31 @@ impl RangeStage {
         (work, clipped)
     }
 
-    /// Takes chirp `index` of a frame, all receivers, into `cube`. Returns how many words were at the ADC's limits.
-    pub fn chirp(&mut self, index: u32, bytes: &[u8], cube: &mut Cube<'_>) -> u32 {
+    /// Takes one receiver's samples of chirp `chirp` of a frame into `cube`. Returns how many words were at the ADC's
+    /// limits.
+    pub fn row(&mut self, chirp: u32, receiver: u32, bytes: &[u8], cube: &mut Cube<'_>) -> u32 {
         if cube.is_nothing() {
             return 0;
         }
-        let index = index as usize;
-        let (loop_index, slot) = (index / self.slots, index % self.slots);
-        let receiver_bytes = self.samples * self.format.bytes() as usize;
-        let first = usize::from(self.gate.first);
-        let receivers = self.receivers;
-        let mut clipped = 0;
-        for (rx, receiver) in bytes.chunks_exact(receiver_bytes.max(1)).take(receivers).enumerate() {
-            let (spectrum, limits) = self.spectrum(receiver);
-            cube.store(slot * receivers + rx, loop_index, spectrum.get(first..).unwrap_or(&[]));
-            clipped += limits;
-        }
+        let (loop_index, first_antenna) = self.place(chirp);
+        let first_bin = usize::from(self.gate.first);
+        let (spectrum, clipped) = self.spectrum(bytes);
+        let gated = spectrum.get(first_bin..).unwrap_or(&[]);
+        cube.store(first_antenna + receiver as usize, loop_index, gated);
         clipped
+    }
+
+    /// Takes the rows of chirp `chirp` that are in `cube` back out.
+    pub fn take_back(&self, chirp: u32, cube: &mut Cube<'_>) {
+        let (loop_index, first_antenna) = self.place(chirp);
+        for receiver in 0..self.receivers {
+            cube.remove(first_antenna + receiver, loop_index);
+        }
+    }
+
+    /// Loop and first virtual antenna of a chirp.
+    fn place(&self, chirp: u32) -> (usize, usize) {
+        let chirp = chirp as usize;
+        (chirp / self.slots, chirp % self.slots * self.receivers)
     }
 }

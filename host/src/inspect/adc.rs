@@ -5,15 +5,15 @@ use std::io;
 use ndarray::Array1;
 use rfhoi_firmware::dca1000::{Event, Reassembly};
 use rfhoi_firmware::dsp::RangeStage;
-use rfhoi_shared::radar::{IqOrder, MAX_RX, MAX_SAMPLES, RadarProfile, SampleFormat};
+use rfhoi_shared::radar::{IqOrder, MAX_SAMPLES, RadarProfile, SampleFormat};
 use serde::Serialize;
 
 use super::{Builder, InspectError, Options, Report};
 use crate::datagrams::Datagrams;
 use crate::samples::RawSamples;
 
-/// Bytes of the longest chirp.
-pub(crate) const MAX_CHIRP: usize = MAX_SAMPLES * MAX_RX * 4;
+/// Bytes of the longest chirp of one receiver.
+pub(crate) const MAX_ROW: usize = MAX_SAMPLES * 4;
 /// Ratio of positive to negative beat frequencies below which the order of I and Q cannot be told.
 const CLEAR_DB: f64 = 3.0;
 /// Bins on either side of zero that hold what leaks from the transmitter and the ADC's offset.
@@ -100,6 +100,8 @@ impl MeanSpectrum {
 struct Pass<'p> {
     profile: &'p RadarProfile,
     range: RangeStage,
+    /// Rows of the chirp under way: it counts whole or not at all.
+    chirp: Vec<u8>,
     all: MeanSpectrum,
     frame: MeanSpectrum,
     clipped: u64,
@@ -115,9 +117,16 @@ impl Pass<'_> {
                 self.frame = MeanSpectrum::new(self.profile.range_bins());
                 self.frame_clipped = 0;
             }
-            Event::Chirp { bytes, intact: true, .. } => {
-                for receiver in bytes.chunks_exact(bytes.len() / self.profile.rx_count()) {
-                    let (spectrum, clipped) = self.range.spectrum(receiver);
+            Event::Row { receiver, bytes, intact: true, .. } => {
+                if receiver == 0 {
+                    self.chirp.clear();
+                }
+                self.chirp.extend_from_slice(bytes);
+                if self.chirp.len() < self.profile.chirp_bytes() as usize {
+                    return;
+                }
+                for row in self.chirp.chunks_exact(bytes.len()) {
+                    let (spectrum, clipped) = self.range.spectrum(row);
                     self.all.add(spectrum.iter().map(|z| z.norm_sqr()));
                     if self.keep_frames {
                         self.frame.add(spectrum.iter().map(|z| z.norm_sqr()));
@@ -147,7 +156,7 @@ pub(super) fn inspect(mut builder: Builder<'_>, options: &Options) -> Result<Rep
     let profile = options.profile.as_ref().ok_or_else(|| InspectError::NoProfile { path: path.clone() })?;
     let samples = RawSamples::open(&path)?;
     let (bytes, repair) = (samples.stream_bytes(), samples.repair());
-    let mut reassembly = Reassembly::<MAX_CHIRP>::new(profile)
+    let mut reassembly = Reassembly::<MAX_ROW>::new(profile)
         .ok_or_else(|| builder.too_little("the profile's chirps are longer than any radar's"))?;
     let mut range = RangeStage::new();
     range.configure(profile, profile.gate_to(profile.range_span()));
@@ -155,6 +164,7 @@ pub(super) fn inspect(mut builder: Builder<'_>, options: &Options) -> Result<Rep
     let mut pass = Pass {
         profile,
         range,
+        chirp: Vec::new(),
         all: empty.clone(),
         frame: empty,
         clipped: 0,

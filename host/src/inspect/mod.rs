@@ -8,7 +8,7 @@ mod packets;
 mod reads;
 mod uart;
 
-pub(crate) use adc::MAX_CHIRP;
+pub(crate) use adc::MAX_ROW;
 pub(crate) use llrp::MAX_MESSAGE as MAX_LLRP_MESSAGE;
 pub use reads::Figures as ReadFigures;
 pub(crate) use uart::{CHUNK as UART_CHUNK, MAX_FRAME as MAX_TLV_FRAME};

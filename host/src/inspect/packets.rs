@@ -9,7 +9,7 @@ use rfhoi_shared::radar::RadarProfile;
 use rfhoi_shared::wire::BRIDGE_PORT;
 use serde::Serialize;
 
-use super::adc::MAX_CHIRP;
+use super::adc::MAX_ROW;
 use super::{Builder, InspectError, Options, Report, llrp};
 use crate::receive::{LinkCounts, Receiver};
 use crate::recording::{Protocol, Recording};
@@ -56,7 +56,7 @@ pub(super) fn inspect(mut builder: Builder<'_>, options: &Options) -> Result<Rep
     let default = RadarProfile::default();
     // Datagrams can be counted without knowing the profile, frames cannot.
     let profile = options.profile.as_ref();
-    let mut reassembly = Reassembly::<MAX_CHIRP>::new(profile.unwrap_or(&default))
+    let mut reassembly = Reassembly::<MAX_ROW>::new(profile.unwrap_or(&default))
         .ok_or_else(|| builder.too_little("the profile's chirps are longer than any radar's"))?;
     let mut receiver = Receiver::new();
     let mut reader: Option<llrp::Stream> = None;

@@ -26,7 +26,7 @@ use serde::Serialize;
 
 use crate::atomic::WriteError;
 use crate::detect::DetectError;
-use crate::inspect::{InspectError, MAX_CHIRP, MAX_TLV_FRAME, ReadFigures};
+use crate::inspect::{InspectError, MAX_ROW, MAX_TLV_FRAME, ReadFigures};
 use crate::npz::NpzError;
 use crate::plot::PlotError;
 use crate::receive::{LinkCounts, RadarFrame, Received, Receiver};
@@ -93,7 +93,7 @@ const CUBE_CELLS: usize = 12 * 256 * 256;
 enum Radar<'m> {
     /// Not begun; memory for one cube.
     Idle(&'m mut [Complex<i16>]),
-    Raw(Box<RadarPath<'m, MAX_CHIRP>>),
+    Raw(Box<RadarPath<'m, MAX_ROW>>),
     Uart(Box<UartPath<MAX_TLV_FRAME>>),
 }
 

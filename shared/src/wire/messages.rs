@@ -1,7 +1,7 @@
 //! The messages' fields and units.
 
 use heapless::{String, Vec};
-use serde::{Deserialize, Serialize};
+use serde::{Deserialize, Serialize, Serializer};
 
 use super::Stream;
 use crate::config::{BridgeConfig, ConfigError};
@@ -138,7 +138,13 @@ pub struct MapRows<'a> {
     /// What the codes mean.
     pub scale: LogScale,
     /// The rows, one after the other.
+    #[serde(serialize_with = "as_bytes")]
     pub codes: &'a [u8],
+}
+
+/// Bytes at one go, of the same form in postcard as one by one.
+fn as_bytes<S: Serializer>(bytes: &&[u8], serializer: S) -> Result<S::Ok, S::Error> {
+    serializer.serialize_bytes(bytes)
 }
 
 /// Spatial covariance `mean(x x^H)` over the moving cells of a frame, x the virtual antennas in cube order with the TDM

@@ -8,10 +8,10 @@ use rfhoi_firmware::dca1000::command::{Answer, Command};
 use rfhoi_firmware::dca1000::{Datagram, Event, Reassembly};
 use rfhoi_shared::radar::RadarProfile;
 
-/// 64 bytes a chirp, 6 chirps a frame.
+/// 64 bytes a row, 2 rows a chirp, 6 chirps a frame.
 fn reassembly() -> Reassembly<64> {
-    let profile = RadarProfile { samples: 16, rx_mask: 1, loops: 2, ..RadarProfile::paper() };
-    Reassembly::new(&profile).expect("a chirp of this profile has 64 bytes")
+    let profile = RadarProfile { samples: 16, rx_mask: 0b11, loops: 2, ..RadarProfile::paper() };
+    Reassembly::new(&profile).expect("a row of this profile has 64 bytes")
 }
 
 fuzz_target!(|data: &[u8]| {
@@ -20,19 +20,21 @@ fuzz_target!(|data: &[u8]| {
 
     let mut reassembly = reassembly();
     let mut open = false;
-    let mut next_chirp = 0;
+    let (mut next_row, mut hole) = (0, false);
     let mut check = |event: Event<'_>| match event {
         Event::FrameStart { .. } => {
             assert!(!open);
             open = true;
-            next_chirp = 0;
+            next_row = 0;
         }
-        Event::Chirp { index, bytes, .. } => {
-            assert!(open && index == next_chirp && bytes.len() == 64);
-            next_chirp += 1;
+        Event::Row { chirp, receiver, bytes, intact } => {
+            assert!(open && (chirp, receiver) == (next_row / 2, next_row % 2) && bytes.len() == 64);
+            assert!(receiver == 0 || !(hole && intact));
+            next_row += 1;
+            hole = !intact;
         }
         Event::FrameEnd { chirps_lost, .. } => {
-            assert!(open && next_chirp == 6 && chirps_lost <= 6);
+            assert!(open && next_row == 12 && chirps_lost <= 6);
             open = false;
         }
         Event::Restarted | Event::FramesLost(_) => assert!(!open),

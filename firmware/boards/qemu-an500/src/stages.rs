@@ -38,22 +38,39 @@ pub struct Table {
     packets: u32,
 }
 
+impl Table {
+    /// Name in the machine's line, name in the table, instructions; the sum last.
+    fn rows(&self) -> [(&'static str, &'static str, u32); 9] {
+        let mut rows = [
+            ("reassembly", "reassembly", self.reassembly),
+            ("unpack_window", "unpacking and window", self.unpack_window),
+            ("range_fft", "range FFT", self.range_fft),
+            ("store", "storing in the cube", self.store),
+            ("doppler_fft", "Doppler FFT", self.doppler_fft),
+            ("clutter_maps", "clutter removal and maps", self.clutter_maps),
+            ("covariance", "covariance", self.covariance),
+            ("packets", "packets", self.packets),
+            ("all", "all", 0),
+        ];
+        let all = rows.iter().map(|row| row.2).sum();
+        if let Some(last) = rows.last_mut() {
+            last.2 = all;
+        }
+        rows
+    }
+}
+
+/// The line that a machine reads: `name=instructions` and spaces. The alternate form is the table that a person reads.
 impl fmt::Display for Table {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let stages = [
-            ("reassembly", self.reassembly),
-            ("unpack_window", self.unpack_window),
-            ("range_fft", self.range_fft),
-            ("store", self.store),
-            ("doppler_fft", self.doppler_fft),
-            ("clutter_maps", self.clutter_maps),
-            ("covariance", self.covariance),
-            ("packets", self.packets),
-        ];
-        for (name, count) in stages {
-            write!(f, "{name}={count} ")?;
+        for (i, (name, title, count)) in self.rows().into_iter().enumerate() {
+            if f.alternate() {
+                writeln!(f, "  {title:<24} {count:>12}")?;
+            } else {
+                write!(f, "{}{name}={count}", if i == 0 { "" } else { " " })?;
+            }
         }
-        write!(f, "all={}", stages.iter().map(|s| s.1).sum::<u32>())
+        Ok(())
     }
 }
 
@@ -105,7 +122,7 @@ impl Bench {
         }
         let mut table = Table::default();
 
-        let mut reassembly = Reassembly::<4096>::new(profile)?;
+        let mut reassembly = Reassembly::<1024>::new(profile)?;
         for (i, payload) in frame.chunks(DCA1000_PAYLOAD as usize).enumerate() {
             let datagram = packet.0.get_mut(DATAGRAM_AT..)?.get_mut(..HEADER_BYTES + payload.len())?;
             let (header, samples) = datagram.split_at_mut(HEADER_BYTES);
@@ -118,15 +135,15 @@ impl Bench {
             });
         }
 
-        let receiver_bytes = chirp_bytes / profile.rx_count();
+        let row_bytes = profile.row_bytes() as usize;
         let window = [1.0 / 32768.0; SAMPLES];
         table.unpack_window = measure(|| {
-            for receiver in frame.chunks_exact(receiver_bytes) {
-                black_box(samples::unpack(receiver, profile.format, &window, work));
+            for row in frame.chunks_exact(row_bytes) {
+                black_box(samples::unpack(row, profile.format, &window, work));
             }
         });
         table.range_fft = measure(|| {
-            for _ in frame.chunks_exact(receiver_bytes) {
+            for _ in frame.chunks_exact(row_bytes) {
                 black_box(fft::forward(work));
             }
         });
@@ -134,8 +151,10 @@ impl Bench {
         cube.reshape(CubeShape::of(config)).then_some(())?;
         range.configure(profile, config.processing.gate);
         let range_stage = measure(|| {
-            for (index, chirp) in (0..).zip(frame.chunks_exact(chirp_bytes)) {
-                black_box(range.chirp(index, chirp, &mut cube));
+            for (chirp, rows) in (0..).zip(frame.chunks_exact(chirp_bytes)) {
+                for (receiver, row) in (0..).zip(rows.chunks_exact(row_bytes)) {
+                    black_box(range.row(chirp, receiver, row, &mut cube));
+                }
             }
         });
         table.store = range_stage.saturating_sub(table.unpack_window + table.range_fft);

@@ -2,20 +2,28 @@ use std::vec;
 use std::vec::Vec;
 
 use proptest::prelude::*;
-use rfhoi_shared::radar::RadarProfile;
+use rfhoi_shared::radar::{RadarProfile, SampleFormat};
 
 use super::*;
 
-/// 16 samples x 1 receiver x 4 bytes: 64 bytes a chirp, 6 chirps a frame; full datagrams of 100 bytes straddle both.
-const CHIRP: u32 = 64;
+/// 16 samples x 2 bytes: 32 bytes a row, 64 a chirp of 2 receivers, 6 chirps a frame; full datagrams of 100 bytes
+/// straddle them all.
+const ROW: u32 = 32;
+const CHIRP: u32 = 2 * ROW;
 const FRAME: u32 = 6 * CHIRP;
 const PAYLOAD: usize = 100;
 
 fn profile() -> RadarProfile {
-    RadarProfile { samples: 16, rx_mask: 1, loops: 2, ..RadarProfile::paper() }
+    RadarProfile {
+        samples: 16,
+        format: SampleFormat::Real,
+        rx_mask: 0b101,
+        loops: 2,
+        ..RadarProfile::paper()
+    }
 }
 
-fn reassembly() -> Reassembly<64> {
+fn reassembly() -> Reassembly<32> {
     Reassembly::new(&profile()).unwrap()
 }
 
@@ -35,12 +43,14 @@ fn stream(n: u32) -> Vec<Vec<u8>> {
     (0..n).map(|i| datagram(i + 1, u64::from(i) * PAYLOAD as u64, PAYLOAD)).collect()
 }
 
-/// What came out, with every chirp checked: an intact one against the truth, another to hold truth or zeros.
+/// What came out, with every row checked: an intact one against the truth, another to hold truth or zeros.
 #[derive(Debug, Default)]
 struct Log {
     frames: Vec<(u32, u32)>,
     open: Option<u32>,
-    next_chirp: u32,
+    next_row: u32,
+    /// The chirp under way has a hole.
+    hole: bool,
     marked: u32,
     restarts: u32,
     frames_lost: u32,
@@ -59,23 +69,27 @@ impl Log {
             }
             Event::FrameStart { frame } => {
                 assert_eq!(self.open.replace(frame), None);
-                self.next_chirp = 0;
+                self.next_row = 0;
                 self.marked = 0;
             }
-            Event::Chirp { index, bytes, intact } => {
-                assert_eq!(index, self.next_chirp);
-                assert_eq!(bytes.len(), CHIRP as usize);
-                self.next_chirp += 1;
-                self.marked += u32::from(!intact);
-                assert!(self.open.is_some(), "a chirp belongs to a frame");
-                let start = u64::from(index * CHIRP);
+            Event::Row { chirp, receiver, bytes, intact } => {
+                assert_eq!((chirp, receiver), (self.next_row / 2, self.next_row % 2));
+                assert_eq!(bytes.len(), ROW as usize);
+                assert!(self.open.is_some(), "a row belongs to a frame");
+                let start = u64::from(self.next_row * ROW);
                 for (i, &byte) in bytes.iter().enumerate() {
                     assert!(byte == truth(start + i as u64) || (byte == 0 && !intact), "shifted");
+                }
+                self.next_row += 1;
+                assert!(!(self.hole && intact), "a chirp with a hole stays marked");
+                self.hole = !intact;
+                if receiver == 1 {
+                    self.marked += u32::from(std::mem::take(&mut self.hole));
                 }
             }
             Event::FrameEnd { frame, chirps_lost } => {
                 assert_eq!(self.open.take(), Some(frame));
-                assert_eq!(self.next_chirp, 6);
+                assert_eq!(self.next_row, FRAME / ROW);
                 assert_eq!(chirps_lost, self.marked);
                 self.frames.push((frame, chirps_lost));
             }
@@ -83,7 +97,7 @@ impl Log {
     }
 }
 
-fn run(datagrams: &[Vec<u8>]) -> (Log, Reassembly<64>) {
+fn run(datagrams: &[Vec<u8>]) -> (Log, Reassembly<32>) {
     let mut reassembly = reassembly();
     let mut log = Log::default();
     for bytes in datagrams {
@@ -110,6 +124,23 @@ fn a_lost_datagram_marks_the_chirps_that_it_touches() {
     assert_eq!(log.frames[..2], [(0, 3), (1, 0)]);
     assert_eq!(reassembly.datagrams().lost, 1);
     assert_eq!(reassembly.frames().incomplete, 1);
+}
+
+#[test]
+fn rows_before_and_after_a_hole_are_told_apart() {
+    let mut datagrams = stream(96);
+    datagrams.remove(1); // bytes 100 to 199: rows 3 to 6
+    let mut reassembly = reassembly();
+    let mut intact_rows = Vec::new();
+    for bytes in &datagrams[..5] {
+        reassembly.push(bytes, |event| {
+            if let Event::Row { chirp, receiver, intact: true, .. } = event {
+                intact_rows.push((chirp, receiver));
+            }
+        });
+    }
+    // Row 2 came before the hole in its chirp was known; row 7 came whole behind one.
+    assert_eq!(intact_rows[..4], [(0, 0), (0, 1), (1, 0), (4, 0)]);
 }
 
 #[test]
@@ -210,9 +241,10 @@ fn counters_wrap_without_a_trace() {
 
 #[test]
 fn profiles_that_do_not_fit_are_refused() {
-    assert!(Reassembly::<63>::new(&profile()).is_none());
-    assert!(Reassembly::<64>::new(&RadarProfile { loops: 0, ..profile() }).is_none());
-    assert!(Reassembly::<64>::new(&RadarProfile { rx_mask: 0, ..profile() }).is_none());
+    assert!(Reassembly::<31>::new(&profile()).is_none());
+    assert!(Reassembly::<32>::new(&RadarProfile { loops: 0, ..profile() }).is_none());
+    assert!(Reassembly::<32>::new(&RadarProfile { rx_mask: 0, ..profile() }).is_none());
+    assert!(Reassembly::<32>::new(&RadarProfile { samples: 0, ..profile() }).is_none());
 }
 
 /// What the network does to one datagram.
@@ -274,7 +306,7 @@ proptest! {
         let mut bytes_out = 0u64;
         for bytes in stream(valid).iter().chain(&datagrams).chain(&stream(valid)) {
             reassembly.push(bytes, |e| {
-                if let Event::Chirp { bytes, .. } = e {
+                if let Event::Row { bytes, .. } = e {
                     bytes_out += bytes.len() as u64;
                 }
             });

@@ -69,7 +69,9 @@ impl Bench {
         let mut bytes = vec![0; self.config.profile.chirp_bytes() as usize];
         for index in (0..self.config.profile.chirps_per_frame()).filter(|&i| !lost(i)) {
             self.radar.chirp(scatterers, &mut self.noise, self.frame, index, &mut bytes);
-            assert_eq!(self.range.chirp(index, &bytes, &mut cube), 0, "clipped");
+            for (rx, row) in (0..).zip(bytes.chunks(self.config.profile.row_bytes() as usize)) {
+                assert_eq!(self.range.row(index, rx, row, &mut cube), 0, "clipped");
+            }
         }
         self.frame += 1;
         self.doppler.begin(&cube);

@@ -1,7 +1,8 @@
 //! What the radar's path costs on a Cortex-M7: instructions by stage for one frame, and the digest of the reference.
 //!
 //! QEMU runs one instruction in a nanosecond of virtual time (`-icount shift=0`), and SysTick counts 25 MHz of it, so a
-//! tick is 40 instructions. The table goes out over semihosting, a line a profile.
+//! tick is 40 instructions. The table goes out over semihosting, for each profile a line for machines and one
+//! for people.
 #![no_std]
 #![no_main]
 
@@ -47,7 +48,10 @@ fn main() -> ! {
         };
         let config = RadarConfig { profile, input: RadarInput::Uart, processing };
         match bench.run(&config, cube) {
-            Some(table) => hprintln!("instructions {} {}", name, table),
+            Some(table) => {
+                hprintln!("instructions {} {}", name, table);
+                hprintln!("instructions of one frame, {}:\n{:#}", name, table);
+            }
             None => hprintln!("{}: the path refuses the profile", name),
         }
     }
