@@ -1,5 +1,7 @@
 //! Raw samples to packets.
 
+use core::borrow::BorrowMut;
+
 use num_complex::Complex;
 use rfhoi_shared::config::{ConfigError, RadarConfig};
 use rfhoi_shared::units::BridgeTime;
@@ -10,13 +12,15 @@ use crate::dsp::{Cube, CubeShape, DopplerStage, RangeStage, level};
 use crate::uplink::{MapPacker, Uplink};
 
 /// A frame whose chirps are all in the cube or lost.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct FrameDone {
     /// Number of the frame.
     pub frame: u32,
     /// When its first datagram came.
     pub time: BridgeTime,
+    /// When its last datagram came.
+    pub last: BridgeTime,
     /// Chirps of which bytes were lost.
     pub chirps_lost: u32,
     /// Words at the ADC's limits.
@@ -65,6 +69,11 @@ impl<const CHIRP: usize> Capture<CHIRP> {
         reassembly.finish(chirps_into(cube, range, now, started, clipped, on_frame));
     }
 
+    /// Whether no frame is under way.
+    pub fn is_between_frames(&self) -> bool {
+        self.reassembly.frame_bytes_done() == 0
+    }
+
     /// Counts of datagrams.
     pub fn datagrams(&self) -> DatagramCounts {
         self.reassembly.datagrams()
@@ -96,58 +105,81 @@ fn chirps_into<'m>(
             *clipped = clipped.saturating_add(range.chirp(index, bytes, cube));
         }
         Event::FrameEnd { frame, chirps_lost } => {
-            on_frame(cube, FrameDone { frame, time: *started, chirps_lost, clipped: *clipped });
+            on_frame(cube, FrameDone { frame, time: *started, last: now, chirps_lost, clipped: *clipped });
         }
         Event::Restarted | Event::FramesLost(_) => {}
     }
 }
 
 /// The half that works on a complete frame: Doppler stage and packets.
+///
+/// [`Self::begin`], [`Self::range_bin`] until it returns false, then [`Self::finish`]: a scheduler may do something else
+/// in between. `D` is the Doppler stage or a borrow of it.
 #[derive(Debug)]
-pub struct Mapping {
-    doppler: DopplerStage,
+pub struct Mapping<D = DopplerStage> {
+    doppler: D,
     range_doppler: MapPacker,
     range_time: MapPacker,
     config: RadarConfig,
     profile: u32,
+    done: FrameDone,
+    bin: usize,
 }
 
-impl Mapping {
+impl<D: BorrowMut<DopplerStage>> Mapping<D> {
     /// A mapping with a configuration that is valid.
-    pub fn new(config: &RadarConfig) -> Self {
-        let mut doppler = DopplerStage::new();
-        doppler.configure(config);
+    pub fn new(config: &RadarConfig, mut doppler: D) -> Self {
+        doppler.borrow_mut().configure(config);
         Self {
             doppler,
             range_doppler: MapPacker::new(MapKind::RangeDoppler),
             range_time: MapPacker::new(MapKind::RangeTime),
             profile: config.profile.fingerprint(),
             config: config.clone(),
+            done: FrameDone::default(),
+            bin: 0,
         }
     }
 
-    /// Turns a frame into packets.
-    pub fn frame(
+    /// Begins with a frame.
+    pub fn begin(&mut self, cube: &Cube<'_>, done: FrameDone) {
+        let RadarConfig { profile, processing, .. } = &self.config;
+        self.range_doppler.begin(done.frame, processing.gate, profile.loops, level::SCALE);
+        self.range_time.begin(done.frame, processing.gate, processing.range_time_columns, level::SCALE);
+        self.doppler.borrow_mut().begin(cube);
+        self.done = done;
+        self.bin = 0;
+    }
+
+    /// Computes the next range bin and sends what is full. Returns whether more bins follow.
+    pub fn range_bin(
         &mut self,
         cube: &Cube<'_>,
-        done: FrameDone,
+        uplink: &mut Uplink,
+        send: &mut impl FnMut(Stream, &[u8]) -> bool,
+    ) -> bool {
+        let Self { doppler, range_doppler, range_time, done: FrameDone { time, .. }, bin, .. } = self;
+        if *bin < cube.shape().bins {
+            let row = doppler.borrow_mut().range_bin(cube, *bin);
+            range_doppler.row(row.doppler().map(level::code), |m| uplink.send(*time, m, &mut *send));
+            range_time.row(row.time.iter().copied().map(level::code), |m| uplink.send(*time, m, &mut *send));
+            *bin += 1;
+        }
+        *bin < cube.shape().bins
+    }
+
+    /// Sends the rest; `now` is the time at its end.
+    pub fn finish(
+        &mut self,
+        now: BridgeTime,
         uplink: &mut Uplink,
         send: &mut impl FnMut(Stream, &[u8]) -> bool,
     ) {
-        let Self { doppler, range_doppler, range_time, config, profile } = self;
-        let FrameDone { frame, time, chirps_lost, clipped } = done;
-        let gate = config.processing.gate;
-        range_doppler.begin(frame, gate, config.profile.loops, level::SCALE);
-        range_time.begin(frame, gate, config.processing.range_time_columns, level::SCALE);
-        doppler.begin(cube);
-        for bin in 0..cube.shape().bins {
-            let row = doppler.range_bin(cube, bin);
-            range_doppler.row(row.doppler().map(level::code), |m| uplink.send(time, m, &mut *send));
-            range_time.row(row.time.iter().copied().map(level::code), |m| uplink.send(time, m, &mut *send));
-        }
+        let Self { doppler, range_doppler, range_time, config, profile, done, .. } = self;
+        let FrameDone { frame, time, last, chirps_lost, clipped } = *done;
         range_doppler.flush(|m| uplink.send(time, m, &mut *send));
         range_time.flush(|m| uplink.send(time, m, &mut *send));
-        let moving = doppler.finish();
+        let moving = doppler.borrow_mut().finish();
         let covariance = Covariance {
             frame,
             antennas: config.profile.virtual_count() as u8,
@@ -161,9 +193,23 @@ impl Mapping {
             chirps_lost,
             clipped,
             moving_cells: moving.cells(),
-            latency_us: 0,
+            latency_us: u32::try_from(now.since(last)).unwrap_or(u32::MAX),
         };
         uplink.send(time, Message::Frame(info), &mut *send);
+    }
+
+    /// Turns a frame into packets at one go, at `now`.
+    pub fn frame(
+        &mut self,
+        now: BridgeTime,
+        cube: &Cube<'_>,
+        done: FrameDone,
+        uplink: &mut Uplink,
+        send: &mut impl FnMut(Stream, &[u8]) -> bool,
+    ) {
+        self.begin(cube, done);
+        while self.range_bin(cube, uplink, send) {}
+        self.finish(now, uplink, send);
     }
 }
 
@@ -195,7 +241,7 @@ impl<'m, const CHIRP: usize> RadarPath<'m, CHIRP> {
             needed: config.profile.chirp_bytes(),
             available: CHIRP as u32,
         })?;
-        Ok(Self { capture, mapping: Mapping::new(config), cube })
+        Ok(Self { capture, mapping: Mapping::new(config, DopplerStage::new()), cube })
     }
 
     /// Takes a UDP payload that arrived at `now` and sends the packets of a frame that it completed.
@@ -207,7 +253,7 @@ impl<'m, const CHIRP: usize> RadarPath<'m, CHIRP> {
         mut send: impl FnMut(Stream, &[u8]) -> bool,
     ) {
         let Self { capture, mapping, cube } = self;
-        capture.push(now, datagram, cube, |cube, done| mapping.frame(cube, done, uplink, &mut send));
+        capture.push(now, datagram, cube, |cube, done| mapping.frame(now, cube, done, uplink, &mut send));
     }
 
     /// Ends the frame under way, as when the radar stops.
@@ -218,7 +264,7 @@ impl<'m, const CHIRP: usize> RadarPath<'m, CHIRP> {
         mut send: impl FnMut(Stream, &[u8]) -> bool,
     ) {
         let Self { capture, mapping, cube } = self;
-        capture.finish(now, cube, |cube, done| mapping.frame(cube, done, uplink, &mut send));
+        capture.finish(now, cube, |cube, done| mapping.frame(now, cube, done, uplink, &mut send));
     }
 
     /// Counts of datagrams.

@@ -54,6 +54,16 @@ impl<'m> Cube<'m> {
         Self { cells: memory, exponents: [[NOT_STORED; MAX_LOOPS]; MAX_VIRTUAL], shape }
     }
 
+    /// A cube that holds nothing: what is stored in it is lost.
+    pub const fn nothing() -> Self {
+        Self::new(&mut [])
+    }
+
+    /// Whether it holds nothing.
+    pub fn is_nothing(&self) -> bool {
+        self.shape.cells() == 0
+    }
+
     /// Gives the cube a shape and empties it. Returns whether its memory is large enough; it keeps its old shape if
     /// not.
     pub fn reshape(&mut self, shape: CubeShape) -> bool {

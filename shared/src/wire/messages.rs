@@ -362,7 +362,7 @@ pub struct Command {
     reason = "nothing is allocated; a request lives for one encode or decode"
 )]
 pub enum Request {
-    /// Say [`Hello`], and send to the asker from now on.
+    /// Say [`Hello`], and send everything to the asker from now on.
     Hello,
     /// Say [`Message::Config`].
     GetConfig,
@@ -374,6 +374,8 @@ pub enum Request {
     Stop,
     /// Restart the bridge.
     Restart,
+    /// Say [`Hello`] to the asker, and nothing else.
+    Identify,
 }
 
 /// Outcome of a command.

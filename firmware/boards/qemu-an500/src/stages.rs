@@ -163,11 +163,11 @@ impl Bench {
         table.clutter_maps = without_covariance.saturating_sub(table.doppler_fft);
         table.covariance = whole.saturating_sub(without_covariance);
 
-        let mut mapping = Mapping::new(config);
+        let mut mapping = Mapping::new(config, &mut *doppler);
         let mut uplink = Uplink::new(0);
-        let done = FrameDone { frame: 0, time: BridgeTime(0), chirps_lost: 0, clipped: 0 };
+        let done = FrameDone::default();
         let mapped = measure(|| {
-            mapping.frame(&cube, done, &mut uplink, &mut |_, packet| {
+            mapping.frame(BridgeTime(0), &cube, done, &mut uplink, &mut |_, packet| {
                 black_box(packet);
                 true
             });

@@ -74,6 +74,34 @@ pub enum Notice {
     Malformed(MessageType, DecodeError),
 }
 
+impl fmt::Display for Notice {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Lost(loss) => write!(f, "{loss}; the bridge will try again"),
+            Self::Rejected(rejection) | Self::Error(rejection) => write!(f, "{rejection}"),
+            Self::NoExtensions => {
+                write!(f, "the reader does not know Impinj's extensions: reads have no phase")
+            }
+            Self::NoChannels => {
+                write!(f, "the reader names no channels: reads cannot be told apart by frequency")
+            }
+            Self::ChannelsOmitted(count) => write!(f, "{count} channels of the reader are left out"),
+            Self::MissingAntennas { ports } => {
+                write!(f, "the reader has {ports} antenna ports, fewer than the configuration names")
+            }
+            Self::BufferLevel(percent) => write!(f, "the reader's report buffer is {percent} % full"),
+            Self::BufferOverflow => write!(f, "the reader's report buffer overflowed: reads are lost"),
+            Self::Exception(words) => write!(f, "the reader says: {words}"),
+            Self::Antenna { port, connected } => {
+                let what = if *connected { "connected" } else { "disconnected" };
+                write!(f, "antenna {} of the reader was {what}", port.0)
+            }
+            Self::OtherClient => write!(f, "another client tried to take the reader"),
+            Self::Malformed(kind, error) => write!(f, "{kind} of the reader is malformed: {error}"),
+        }
+    }
+}
+
 /// Words of the reader, cut to what is kept.
 pub type Text = String<64>;
 

@@ -1,0 +1,61 @@
+//! What passes between the executor in the interrupt and thread mode.
+
+use core::sync::atomic::{AtomicBool, AtomicU32, Ordering};
+
+use embassy_sync::blocking_mutex::raw::CriticalSectionRawMutex;
+use embassy_sync::channel::Channel;
+use rfhoi_firmware::bridge::FrameDone;
+use rfhoi_firmware::dsp::Cube;
+
+use crate::packet::Outgoing;
+
+/// Packets of maps that wait for the uplink: more than two frames of the `bridge` profile with ten each leave.
+const RADAR_PACKETS: usize = 24;
+
+/// A complete frame on its way to signal processing.
+pub(crate) type Frame = (Cube<'static>, FrameDone);
+
+/// The channels, all bounded. A board places it where it likes: 36 KiB, all zeros at first.
+pub struct Handover {
+    pub(crate) frames: Channel<CriticalSectionRawMutex, Frame, 1>,
+    pub(crate) spare: Channel<CriticalSectionRawMutex, Cube<'static>, 1>,
+    pub(crate) radar: Channel<CriticalSectionRawMutex, Outgoing, RADAR_PACKETS>,
+    /// Somebody listens.
+    pub(crate) host: AtomicBool,
+    /// Packets of maps that did not fit.
+    pub(crate) unsent: AtomicU32,
+    /// Frames processed.
+    pub(crate) processed: AtomicU32,
+    /// Thread mode has run since the watchdog was last fed.
+    pub(crate) alive: AtomicBool,
+}
+
+impl Handover {
+    /// Empty channels.
+    pub const fn new() -> Self {
+        Self {
+            frames: Channel::new(),
+            spare: Channel::new(),
+            radar: Channel::new(),
+            host: AtomicBool::new(false),
+            unsent: AtomicU32::new(0),
+            processed: AtomicU32::new(0),
+            alive: AtomicBool::new(false),
+        }
+    }
+
+    /// Puts a packet of maps into the uplink's queue. Returns whether it was taken; without a host all are, and go
+    /// nowhere.
+    pub(crate) fn send(&self, bytes: &[u8]) -> bool {
+        if !self.host.load(Ordering::Relaxed) {
+            return true;
+        }
+        Outgoing::new(None, bytes).is_some_and(|packet| self.radar.try_send(packet).is_ok())
+    }
+}
+
+impl Default for Handover {
+    fn default() -> Self {
+        Self::new()
+    }
+}

@@ -1,0 +1,128 @@
+//! The recorder's datagrams: reassembly and range FFT as they arrive, complete cubes to signal processing.
+
+use core::mem;
+
+use embassy_net::Stack;
+use embassy_net::udp::{PacketMetadata, UdpSocket};
+use num_complex::Complex;
+use rfhoi_firmware::bridge::{Capture, FrameDone};
+use rfhoi_firmware::dca1000::{DATA_PORT, HEADER_BYTES};
+use rfhoi_firmware::dsp::{Cube, CubeShape};
+use rfhoi_shared::config::{RadarConfig, RadarInput};
+use rfhoi_shared::radar::DCA1000_PAYLOAD;
+use rfhoi_shared::units::BridgeTime;
+use rfhoi_shared::wire::{DatagramCounts, FrameCounts};
+
+use crate::bridge::Bridge;
+use crate::handover::Handover;
+use crate::{BRIDGES, CUBE_CELLS, now};
+
+/// Bytes of a chirp, at most: 256 samples of 4 receivers.
+const CHIRP: usize = 4096;
+/// Datagrams that wait in the socket.
+const DATAGRAMS: usize = 8;
+const BUFFER: usize = DATAGRAMS * (HEADER_BYTES + DCA1000_PAYLOAD as usize);
+
+/// Reassembly, range stage, and the cube being filled.
+pub(crate) struct Intake {
+    capture: Option<Capture<CHIRP>>,
+    /// Of no size while signal processing has the only one.
+    cube: Cube<'static>,
+    /// There is memory for one cube only.
+    single: bool,
+    handover: &'static Handover,
+    overruns: u32,
+}
+
+impl Intake {
+    /// Takes a valid configuration; puts a second cube aside where there is memory for it.
+    pub(crate) fn new(
+        config: &RadarConfig,
+        memory: &'static mut [Complex<i16>; CUBE_CELLS],
+        handover: &'static Handover,
+    ) -> Self {
+        let shape = CubeShape::of(config);
+        // The first fits, or the configuration would not be valid.
+        let (memory, rest) = memory.split_at_mut(shape.cells().min(CUBE_CELLS));
+        let single = rest.len() < shape.cells();
+        let shaped = |memory| {
+            let mut cube = Cube::new(memory);
+            cube.reshape(shape);
+            cube
+        };
+        if !single {
+            // The channel is empty: there is room.
+            let _ = handover.spare.try_send(shaped(rest));
+        }
+        let raw = matches!(config.input, RadarInput::Dca1000 { .. });
+        let capture = if raw { Capture::new(config) } else { None };
+        Self { capture, cube: shaped(memory), single, handover, overruns: 0 }
+    }
+
+    /// Takes a UDP payload of the recorder.
+    pub(crate) fn datagram(&mut self, now: BridgeTime, bytes: &[u8]) {
+        let Self { capture: Some(capture), cube, single, handover, overruns } = self else { return };
+        if cube.is_nothing()
+            && capture.is_between_frames()
+            && let Ok(spare) = handover.spare.try_receive()
+        {
+            *cube = spare;
+        }
+        capture.push(now, bytes, cube, |cube, done: FrameDone| {
+            let next = match handover.spare.try_receive() {
+                Ok(next) => next,
+                Err(_) if *single && !cube.is_nothing() => Cube::nothing(),
+                Err(_) => {
+                    *overruns = overruns.wrapping_add(1);
+                    return;
+                }
+            };
+            let full = mem::replace(cube, next);
+            // Both cubes are accounted for: there is room.
+            let _ = handover.frames.try_send((full, done));
+        });
+    }
+
+    /// Whether raw samples are taken.
+    pub(crate) fn is_raw(&self) -> bool {
+        self.capture.is_some()
+    }
+
+    /// Counts of datagrams.
+    pub(crate) fn datagrams(&self) -> DatagramCounts {
+        self.capture.as_ref().map(Capture::datagrams).unwrap_or_default()
+    }
+
+    /// Counts of frames.
+    pub(crate) fn frames(&self) -> FrameCounts {
+        self.capture.as_ref().map(Capture::frames).unwrap_or_default()
+    }
+
+    /// Frames for which signal processing was too slow.
+    pub(crate) fn overruns(&self) -> u32 {
+        self.overruns
+    }
+}
+
+/// Takes the recorder's datagrams out of the socket, where they lie.
+#[embassy_executor::task(pool_size = BRIDGES)]
+pub(crate) async fn datagrams(bridge: &'static Bridge, stack: Stack<'static>) {
+    let RadarInput::Dca1000 { address, .. } = bridge.config.radar.input else { return };
+    let mut metadata = [PacketMetadata::EMPTY; DATAGRAMS];
+    let mut buffer = [0; BUFFER];
+    let mut socket = UdpSocket::new(stack, &mut metadata, &mut buffer, &mut [], &mut []);
+    if socket.bind(DATA_PORT).is_err() {
+        return bridge.notice("the port for radar data cannot be opened");
+    }
+    loop {
+        socket
+            .recv_from_with(|bytes, metadata| {
+                if crate::net::sender(&metadata).address != address {
+                    bridge.command_strays.set(bridge.command_strays.get().wrapping_add(1));
+                } else if let Ok(mut intake) = bridge.intake.try_borrow_mut() {
+                    intake.datagram(now(), bytes);
+                }
+            })
+            .await;
+    }
+}

@@ -1,0 +1,155 @@
+//! The reader: LLRP over TCP.
+
+use embassy_futures::select::{Either3, Either4, select3, select4};
+use embassy_net::Stack;
+use embassy_net::tcp::TcpSocket;
+use embassy_time::{Duration, Timer, with_timeout};
+use heapless::Vec;
+use rfhoi_firmware::bridge::{ReaderAction, ReaderInput, ReaderPath};
+use rfhoi_firmware::llrp::client::MAX_MESSAGE_BYTES;
+use rfhoi_firmware::uplink::Uplink;
+use rfhoi_shared::config::Endpoint;
+
+use crate::bridge::Bridge;
+use crate::net::remote;
+use crate::{BRIDGES, instant, now};
+
+/// Bytes of requests that wait for the connection.
+const OUT: usize = 2048;
+/// How long the last bytes of a connection may take to leave.
+const FAREWELL: Duration = Duration::from_millis(200);
+
+/// What the path wants done.
+#[derive(Default)]
+struct Wanted {
+    connect: Option<Endpoint>,
+    close: bool,
+    bytes: Vec<u8, OUT>,
+}
+
+struct Reader {
+    path: ReaderPath<MAX_MESSAGE_BYTES>,
+    uplink: Uplink,
+    wanted: Wanted,
+    bridge: &'static Bridge,
+}
+
+impl Reader {
+    fn handle(&mut self, input: ReaderInput<'_>) {
+        let Self { path, uplink, wanted, bridge } = self;
+        let send = |_, bytes: &[u8]| bridge.enqueue(None, bytes);
+        path.handle(now(), input, uplink, send, |action| match action {
+            ReaderAction::Connect(endpoint) => {
+                wanted.connect = Some(endpoint);
+                wanted.bytes.clear();
+            }
+            ReaderAction::Close => wanted.close = true,
+            // A message is left out whole where there is no room.
+            ReaderAction::Send(bytes) => drop(wanted.bytes.extend_from_slice(bytes)),
+            ReaderAction::State(_) => {}
+            ReaderAction::Notice(notice) => bridge.notice(notice),
+        });
+        bridge.reader.set(path.counts().link);
+    }
+
+    fn run(&mut self, on: bool) {
+        self.handle(if on { ReaderInput::Start } else { ReaderInput::Stop });
+    }
+}
+
+#[embassy_executor::task(pool_size = BRIDGES)]
+pub(crate) async fn run(bridge: &'static Bridge, stack: Stack<'static>) {
+    let Some(config) = bridge.config.reader.clone() else { return };
+    let mut rx = [0; 4096];
+    let mut tx = [0; OUT];
+    let mut reader = Reader {
+        path: ReaderPath::new(config, bridge.boot.into()),
+        uplink: Uplink::new(bridge.boot),
+        wanted: Wanted::default(),
+        bridge,
+    };
+    loop {
+        let due = Timer::at(instant(reader.path.deadline()));
+        match embassy_futures::select::select(bridge.reader_runs.wait(), due).await {
+            embassy_futures::select::Either::First(on) => reader.run(on),
+            embassy_futures::select::Either::Second(()) => reader.handle(ReaderInput::Tick),
+        }
+        reader.wanted.close = false;
+        if let Some(endpoint) = reader.wanted.connect.take() {
+            let mut socket = TcpSocket::new(stack, &mut rx, &mut tx);
+            socket.set_nagle_enabled(false);
+            if connect(&mut reader, &mut socket, endpoint).await {
+                converse(&mut reader, &mut socket).await;
+            }
+        }
+    }
+}
+
+/// Opens the connection; false if it could not be opened or is no longer wanted.
+async fn connect(reader: &mut Reader, socket: &mut TcpSocket<'_>, endpoint: Endpoint) -> bool {
+    let bridge = reader.bridge;
+    reader.wanted.close = false;
+    let mut opening = core::pin::pin!(socket.connect(remote(endpoint)));
+    loop {
+        let due = Timer::at(instant(reader.path.deadline()));
+        match select3(&mut opening, bridge.reader_runs.wait(), due).await {
+            Either3::First(Ok(())) => {
+                reader.handle(ReaderInput::Connected);
+                return true;
+            }
+            Either3::First(Err(_)) => {
+                reader.handle(ReaderInput::ConnectFailed);
+                return false;
+            }
+            Either3::Second(on) => reader.run(on),
+            Either3::Third(()) => reader.handle(ReaderInput::Tick),
+        }
+        if reader.wanted.close {
+            return false;
+        }
+    }
+}
+
+/// Speaks on the open connection until either side closes it.
+async fn converse(reader: &mut Reader, socket: &mut TcpSocket<'_>) {
+    let bridge = reader.bridge;
+    reader.wanted.close = false;
+    while !reader.wanted.close {
+        let due = Timer::at(instant(reader.path.deadline()));
+        let waiting = !reader.wanted.bytes.is_empty();
+        let (mut incoming, mut outgoing) = socket.split();
+        let write =
+            async { if waiting { outgoing.wait_write_ready().await } else { core::future::pending().await } };
+        match select4(incoming.wait_read_ready(), write, bridge.reader_runs.wait(), due).await {
+            Either4::First(()) => {
+                let heard = incoming.read_with(|bytes| {
+                    reader.handle(ReaderInput::Received(bytes));
+                    (bytes.len(), bytes.len())
+                });
+                if !matches!(heard.await, Ok(1..)) {
+                    reader.handle(ReaderInput::Closed);
+                    break;
+                }
+            }
+            Either4::Second(()) => match outgoing.write(&reader.wanted.bytes).await {
+                Ok(written) => drop(reader.wanted.bytes.drain(..written)),
+                Err(_) => {
+                    reader.handle(ReaderInput::Closed);
+                    break;
+                }
+            },
+            Either4::Third(on) => reader.run(on),
+            Either4::Fourth(()) => reader.handle(ReaderInput::Tick),
+        }
+    }
+    // A goodbye that does not leave in time is not waited for.
+    let goodbye = async {
+        while let Ok(written @ 1..) = socket.write(&reader.wanted.bytes).await {
+            reader.wanted.bytes.drain(..written);
+        }
+        socket.close();
+        socket.flush().await
+    };
+    let _ = with_timeout(FAREWELL, goodbye).await;
+    socket.abort();
+}
