@@ -1,13 +1,14 @@
-//! What the application asks of a board.
+//! The board as the application sees it.
 
 use embassy_stm32::peripherals::{self, IWDG1};
 use embassy_stm32::rng::Rng;
 use embassy_stm32::wdg::IndependentWatchdog;
+use rfhoi_bridge::{Board, KeepError};
 use rfhoi_shared::wire::RestartReason;
 
-use crate::keep::{KeepError, Record};
+use crate::keep::Record;
 use crate::temperature::Thermometer;
-use crate::{idle, restart};
+use crate::{idle, restart, stack};
 
 /// The watchdog's period, us: longer than an erasure of flash, 4 s (see [`crate::keep`]), at its oscillator's 32 kHz
 /// plus or minus 6 % (DS12110 table 50).
@@ -23,46 +24,56 @@ pub struct Nucleo {
     pub watchdog: IndependentWatchdog<'static, IWDG1>,
     pub thermometer: Thermometer,
     pub record: Record,
+    /// Most stack used when last looked at, bytes.
+    pub stack_used: u32,
 }
 
-impl Nucleo {
-    pub fn name(&self) -> &'static str {
+impl Board for Nucleo {
+    fn name(&self) -> &'static str {
         "nucleo-h743zi"
     }
 
-    pub fn id(&self) -> [u8; 6] {
+    fn id(&self) -> [u8; 6] {
         self.id
     }
 
-    pub fn seed(&mut self) -> u64 {
+    fn seed(&mut self) -> u64 {
         self.random.next_u64()
     }
 
-    pub fn restart_reason(&self) -> RestartReason {
+    fn restart_reason(&self) -> RestartReason {
         self.restart_reason
     }
 
-    pub fn feed_watchdog(&mut self) {
+    fn feed_watchdog(&mut self) {
         self.watchdog.pet();
+        let most = stack::most_used();
+        if most > self.stack_used {
+            self.stack_used = most;
+            defmt::info!("stack: at most {} of {} bytes used so far", most, stack::size());
+        }
     }
 
-    pub fn decicelsius(&mut self) -> Option<i16> {
+    fn decicelsius(&mut self) -> Option<i16> {
         self.thermometer.decicelsius()
     }
 
-    pub fn idle_us(&self) -> u64 {
+    fn idle_us(&self) -> u64 {
         idle::idle_us()
     }
 
-    pub fn kept<'b>(&mut self, buffer: &'b mut [u8]) -> Option<&'b [u8]> {
+    fn kept<'b>(&mut self, buffer: &'b mut [u8]) -> Option<&'b [u8]> {
         self.record.read(buffer)
     }
 
-    pub fn keep(&mut self, bytes: &[u8]) -> Result<(), KeepError> {
-        self.record.write(bytes)
+    fn keep(&mut self, bytes: &[u8]) -> Result<(), KeepError> {
+        self.record.write(bytes).map_err(|error| {
+            defmt::error!("{}", error);
+            KeepError
+        })
     }
 
-    pub fn restart(&mut self) {
+    fn restart(&mut self) {
         restart::by_command()
     }
 }

@@ -1,9 +1,9 @@
 //! The kept configuration: one record in the last two sectors of flash, written so that a power cut leaves the old one or
 //! the new one.
 //!
-//! sequential-storage appends records to a sector and moves to the other when one is full, so that about 230 records go
+//! sequential-storage appends records to a sector and moves to the other when one is full, so that some 500 records go
 //! between two erasures; each sector stands 10,000 of them (DS12110 table 55). Writing takes some milliseconds, and every
-//! 230th time an erasure of up to 4 s (table 54), in which only interrupts run: that is why the watchdog waits for 8.
+//! 500th time an erasure of up to 4 s (table 54), in which only interrupts run: that is why the watchdog waits for 8.
 //! Code is in bank 1, so that it runs on while bank 2 is busy.
 //!
 //! A word of flash that lost power while it was written may read with a double error, for which the bus answers with a
@@ -23,7 +23,7 @@ use sequential_storage::cache::NoCache;
 use sequential_storage::map::{MapConfig, MapStorage};
 
 /// Longest record, bytes.
-pub const MAX_BYTES: usize = 512;
+pub const MAX_BYTES: usize = rfhoi_bridge::board::MAX_KEPT;
 /// Offset of region CONFIG of the link map in flash.
 const BEGIN: u32 = 0x1C_0000;
 const END: u32 = 0x20_0000;
@@ -34,7 +34,7 @@ const BUFFER_BYTES: usize = (1 + MAX_BYTES).next_multiple_of(WRITE_SIZE);
 
 /// Why a record was not kept.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, defmt::Format)]
-pub enum KeepError {
+pub enum RecordError {
     /// More than [`MAX_BYTES`].
     TooLong,
     /// The flash refused.
@@ -43,19 +43,19 @@ pub enum KeepError {
     Corrupt,
 }
 
-impl fmt::Display for KeepError {
+impl fmt::Display for RecordError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(match self {
-            Self::TooLong => "the record is longer than 512 bytes",
+            Self::TooLong => "the record is too long",
             Self::Flash => "the flash refused to write",
             Self::Corrupt => "the flash does not hold what was written",
         })
     }
 }
 
-impl core::error::Error for KeepError {}
+impl core::error::Error for RecordError {}
 
-impl From<sequential_storage::Error<flash::Error>> for KeepError {
+impl From<sequential_storage::Error<flash::Error>> for RecordError {
     fn from(error: sequential_storage::Error<flash::Error>) -> Self {
         match error {
             sequential_storage::Error::Storage { .. } => Self::Flash,
@@ -92,7 +92,7 @@ impl Record {
                 Some(to)
             }
             Err(error) => {
-                defmt::warn!("kept configuration: {}", KeepError::from(error));
+                defmt::warn!("kept configuration: {}", RecordError::from(error));
                 None
             }
         }
@@ -101,14 +101,14 @@ impl Record {
     /// Keeps `bytes` in place of the record before.
     ///
     /// # Errors
-    /// [`KeepError`]; the record before stays, unless the sectors hold no record that can be read.
-    pub fn write(&mut self, bytes: &[u8]) -> Result<(), KeepError> {
+    /// [`RecordError`]; the record before stays, unless the sectors hold no record that can be read.
+    pub fn write(&mut self, bytes: &[u8]) -> Result<(), RecordError> {
         if bytes.len() > MAX_BYTES {
-            return Err(KeepError::TooLong);
+            return Err(RecordError::TooLong);
         }
         match self.store(bytes) {
             // Past sequential-storage's own repair: begin with empty sectors.
-            Err(KeepError::Corrupt) => {
+            Err(RecordError::Corrupt) => {
                 block_on(self.store.erase_all())?;
                 self.store(bytes)
             }
@@ -116,7 +116,7 @@ impl Record {
         }
     }
 
-    fn store(&mut self, bytes: &[u8]) -> Result<(), KeepError> {
+    fn store(&mut self, bytes: &[u8]) -> Result<(), RecordError> {
         Ok(block_on(self.store.store_item(&mut self.buffer, &KEY, &bytes))?)
     }
 }

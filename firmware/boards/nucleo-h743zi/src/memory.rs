@@ -6,31 +6,59 @@
 //!
 //! | region | address | why |
 //! |---|---|---|
-//! | SRAM1 to 3 | 0x3000_0000 | descriptors and buffers of Ethernet, ring of the UART |
+//! | SRAM1 | 0x3000_0000 | descriptors and buffers of Ethernet, ring of the UART |
 //! | SRAM4 | 0x3800_0000 | words that outlive a reset must not wait in a dirty line |
 //! | CONFIG | 0x081C_0000 | flash that changes while the program runs |
 //! | system memory | 0x1FF0_0000 | no speculative reads, which the flash controller takes for an intrusion (RDSERR) |
 //! | below DTCM | 0x1FF8_0000 | no access: where a stack that overflows arrives |
 
+use core::arch::naked_asm;
 use core::cell::UnsafeCell;
 use core::mem::MaybeUninit;
 use core::sync::atomic::{AtomicBool, Ordering};
 
 use cortex_m::peripheral::{CPUID, MPU, SCB};
 use embassy_stm32::eth::PacketQueue;
-use embassy_stm32::pac::RCC;
 use num_complex::Complex;
+use rfhoi_bridge::{CUBE_CELLS, Handover};
 
 use crate::clocks::Revision;
 
-/// Cells of the cubes' memory: two cubes of profile `bridge` or one of `fine` (72 bins, 12 antennas, 128 loops).
-pub const CUBE_CELLS: usize = 72 * 12 * 128;
 /// Packets that wait to be sent.
 pub const TX_PACKETS: usize = 16;
-/// Packets that wait for the network task: 96 of 1,466 bytes are 35 ms of profile `bridge`.
-pub const RX_PACKETS: usize = 96;
-/// Bytes of the radar's data UART that wait for their task: 355 ms at 921,600 baud.
-pub const RADAR_RING_BYTES: usize = 32 * 1024;
+/// Packets that wait for the network task: 20 ms of profile `bridge`, at 270 in 100 ms.
+pub const RX_PACKETS: usize = 56;
+/// Bytes of the radar's data UART that wait for their task: 178 ms at 921,600 baud.
+pub const RADAR_RING_BYTES: usize = 16 * 1024;
+
+/// Runs before any memory is initialised: switches on the clocks of SRAM1 to 3, without which the processor does not reach
+/// them (RM0433 section 8.7.42), and loads section `.dtcm`.
+#[unsafe(naked)]
+#[unsafe(export_name = "__pre_init")]
+unsafe extern "C" fn pre_init() {
+    naked_asm!(
+        // RCC_AHB2ENR; a read after the write lets it settle.
+        "movw r0, #0x44dc",
+        "movt r0, #0x5802",
+        "ldr r1, [r0]",
+        "orr r1, r1, #0xe0000000",
+        "str r1, [r0]",
+        "ldr r1, [r0]",
+        "dsb",
+        "movw r0, :lower16:__sdtcm",
+        "movt r0, :upper16:__sdtcm",
+        "movw r1, :lower16:__edtcm",
+        "movt r1, :upper16:__edtcm",
+        "movw r2, :lower16:__sidtcm",
+        "movt r2, :upper16:__sidtcm",
+        "b 2f",
+        "1: ldr r3, [r2], #4",
+        "str r3, [r0], #4",
+        "2: cmp r0, r1",
+        "blo 1b",
+        "bx lr",
+    )
+}
 
 /// A static that is not zeroed at start.
 #[repr(transparent)]
@@ -61,6 +89,8 @@ impl<T> Uninit<T> {
 
 #[unsafe(link_section = ".axisram")]
 static CUBES: Uninit<[Complex<i16>; CUBE_CELLS]> = Uninit::new();
+#[unsafe(link_section = ".axisram")]
+static HANDOVER: Uninit<Handover> = Uninit::new();
 #[unsafe(link_section = ".sram1")]
 static PACKETS: Uninit<PacketQueue<TX_PACKETS, RX_PACKETS>> = Uninit::new();
 #[unsafe(link_section = ".sram1")]
@@ -70,6 +100,8 @@ static RADAR_RING: Uninit<[u8; RADAR_RING_BYTES]> = Uninit::new();
 pub struct Memory {
     /// The gated cubes.
     pub cubes: &'static mut [Complex<i16>; CUBE_CELLS],
+    /// Packets between the executors.
+    pub handover: &'static Handover,
     /// Rings of the Ethernet controller.
     pub packets: &'static mut PacketQueue<TX_PACKETS, RX_PACKETS>,
     /// Ring of the radar's data UART.
@@ -77,7 +109,7 @@ pub struct Memory {
 }
 
 impl Memory {
-    /// Sets up regions, caches and clocks of the memories and lends them; `None` at the second call.
+    /// Sets up regions and caches and lends the memories; `None` at the second call.
     pub fn take(core: &mut cortex_m::Peripherals, revision: Revision) -> Option<Self> {
         static TAKEN: AtomicBool = AtomicBool::new(false);
         if TAKEN.swap(true, Ordering::Relaxed) {
@@ -86,19 +118,17 @@ impl Memory {
         if revision == Revision::Y {
             quiet_axi_sram();
         }
-        // The processor reaches these only with their clocks on (RM0433 section 8.7.42); a read lets the write settle.
-        RCC.ahb2enr().modify(|w| {
-            w.set_sram1en(true);
-            w.set_sram2en(true);
-            w.set_sram3en(true);
-        });
-        let _ = RCC.ahb2enr().read();
         protect(&mut core.MPU);
         cache(&mut core.SCB, &mut core.CPUID);
         // SAFETY: once, by the flag above; zeros are values of integers and of the descriptors' registers
         // (`PacketQueue::init` does the same).
         unsafe {
-            Some(Self { cubes: CUBES.zeroed(), packets: PACKETS.zeroed(), radar_ring: RADAR_RING.zeroed() })
+            Some(Self {
+                cubes: CUBES.zeroed(),
+                handover: (*HANDOVER.0.get()).write(Handover::new()),
+                packets: PACKETS.zeroed(),
+                radar_ring: RADAR_RING.zeroed(),
+            })
         }
     }
 }
@@ -125,7 +155,7 @@ enum Access {
 
 /// Base, size as a power of two, and access of each region; all else keeps the default map.
 const REGIONS: [(u32, u32, Access); 5] = [
-    (0x3000_0000, 19, Access::Uncached),
+    (0x3000_0000, 17, Access::Uncached),
     (0x3800_0000, 16, Access::Uncached),
     (0x081C_0000, 18, Access::Uncached),
     (0x1FF0_0000, 19, Access::Ordered),

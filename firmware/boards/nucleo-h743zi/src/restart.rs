@@ -20,6 +20,8 @@ const PANIC: u32 = 0xdead_c0de;
 #[unsafe(link_section = ".kept")]
 static MARK: AtomicU32 = AtomicU32::new(0);
 #[unsafe(link_section = ".kept")]
+static BOOT: AtomicU32 = AtomicU32::new(0);
+#[unsafe(link_section = ".kept")]
 static LENGTH: AtomicU32 = AtomicU32::new(0);
 #[unsafe(link_section = ".kept")]
 static TEXT: [AtomicU8; TEXT_BYTES] = [const { AtomicU8::new(0) }; TEXT_BYTES];
@@ -69,6 +71,14 @@ pub fn take() -> (RestartReason, Option<LastWords>) {
         length: TEXT_BYTES.min(LENGTH.load(Relaxed) as usize),
     });
     (reason, words)
+}
+
+/// A number for this start, other than the last one's, from a random one.
+pub fn number(random: u64) -> u16 {
+    let last = BOOT.load(Relaxed) as u16;
+    let number = if random as u16 == last { last.wrapping_add(1) } else { random as u16 };
+    BOOT.store(number.into(), Relaxed);
+    number
 }
 
 /// Restarts on purpose.
