@@ -42,8 +42,8 @@ impl Factory {
     fn decicelsius(self, sensor: i32, reference: i32) -> Option<i16> {
         // The reference tells the supply, and by it what the sensor would have read at the factory's 3.3 V.
         let at_factory = sensor.checked_mul(self.reference)?.checked_div(reference)?;
-        let tenths = 300 + (at_factory - self.at_30) * 800 / (self.at_110 - self.at_30);
-        i16::try_from(tenths).ok()
+        let above_30 = (at_factory - self.at_30).checked_mul(800)?.checked_div(self.at_110 - self.at_30)?;
+        i16::try_from(300 + above_30).ok()
     }
 }
 
