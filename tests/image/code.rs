@@ -8,7 +8,7 @@ use crate::thumb::{Flow, Stack, decode};
 
 /// A function.
 #[derive(Debug, Default)]
-pub struct Function {
+pub(crate) struct Function {
     /// Demangled name, without hashes.
     pub name: String,
     /// First address after it.
@@ -23,10 +23,10 @@ pub struct Function {
 }
 
 /// Functions by address.
-pub type Functions = BTreeMap<u32, Function>;
+pub(crate) type Functions = BTreeMap<u32, Function>;
 
 /// The functions of `image`.
-pub fn functions(image: &object::File<'_>) -> Functions {
+pub(crate) fn functions(image: &object::File<'_>) -> Functions {
     let mut functions = Functions::new();
     // `$t` and `$d` tell code from tables in it (AAELF32, section 5.5.5).
     let mut code_begins: BTreeMap<u32, bool> = BTreeMap::new();
@@ -92,7 +92,7 @@ fn read(begin: u32, function: &mut Function, from: u32, data: &[u8], code_begins
 }
 
 /// The deepest chain of direct calls from the function at `address`: bytes, and names with frames.
-pub struct Chain {
+pub(crate) struct Chain {
     /// Bytes of stack.
     pub bytes: u32,
     /// Functions with their frames, outermost first.
@@ -100,7 +100,7 @@ pub struct Chain {
 }
 
 /// See [`Chain`]. Calls into `left_out` do not count. Calls through registers are not followed, recursion is counted once.
-pub fn deepest(functions: &Functions, address: u32, left_out: &dyn Fn(&str) -> bool) -> Chain {
+pub(crate) fn deepest(functions: &Functions, address: u32, left_out: &dyn Fn(&str) -> bool) -> Chain {
     let mut known = BTreeMap::new();
     let mut open = Vec::new();
     depth(functions, address, left_out, &mut known, &mut open);

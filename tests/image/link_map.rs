@@ -4,7 +4,7 @@ use object::{Object, ObjectSection, SectionFlags, elf};
 
 /// A region of the link map.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Region {
+pub(crate) struct Region {
     /// Its name.
     pub name: String,
     /// First address.
@@ -14,7 +14,7 @@ pub struct Region {
 }
 
 /// The regions of a linker script's `MEMORY`.
-pub fn regions(script: &str) -> Vec<Region> {
+pub(crate) fn regions(script: &str) -> Vec<Region> {
     script.lines().filter_map(region).collect()
 }
 
@@ -34,7 +34,7 @@ fn region(line: &str) -> Option<Region> {
 ///
 /// # Errors
 /// The name of a section that lies in no region, or reaches past one's end.
-pub fn use_by_region(image: &object::File<'_>, regions: &[Region]) -> Result<Vec<u64>, String> {
+pub(crate) fn use_by_region(image: &object::File<'_>, regions: &[Region]) -> Result<Vec<u64>, String> {
     let mut used = vec![0; regions.len()];
     let mut add = |name: &str, from: u64, size: u64| {
         let place = regions.iter().position(|r| from >= r.origin && from + size <= r.origin + r.length);

@@ -7,7 +7,7 @@ use crate::code::Functions;
 
 /// A place in the source from which a panic is reached.
 #[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord)]
-pub struct Site {
+pub(crate) struct Site {
     /// Crate, as its folder in the repository, or its name.
     pub package: String,
     /// File within the package, and line.
@@ -20,13 +20,13 @@ pub struct Site {
 
 impl Site {
     /// Whether it is the compiler's guard against polling a future that has ended, which no executor does.
-    pub fn is_resumption(&self) -> bool {
+    pub(crate) fn is_resumption(&self) -> bool {
         self.panic.ends_with("_fn_resumed")
     }
 }
 
 /// Whether a function does nothing but panic: those of `core` by their names, and defmt's.
-pub fn panics(name: &str) -> bool {
+pub(crate) fn panics(name: &str) -> bool {
     let last = name.rsplit("::").next().unwrap_or(name);
     let core = name.starts_with("core::") || name.starts_with("alloc::");
     let failure = last.ends_with("_failed") || last.ends_with("_fail") || last.starts_with("panic_");
@@ -42,7 +42,7 @@ pub fn panics(name: &str) -> bool {
 ///
 /// # Errors
 /// If the file has no line tables.
-pub fn sites(functions: &Functions, path: &Path, root: &Path) -> Result<BTreeSet<Site>, String> {
+pub(crate) fn sites(functions: &Functions, path: &Path, root: &Path) -> Result<BTreeSet<Site>, String> {
     let lines = addr2line::Loader::new(path).map_err(|e| e.to_string())?;
     let panicking: BTreeMap<u32, &str> =
         functions.iter().filter(|(_, f)| panics(&f.name)).map(|(at, f)| (*at, f.name.as_str())).collect();

@@ -4,7 +4,7 @@
 
 /// Where an instruction may go besides the next one.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Flow {
+pub(crate) enum Flow {
     /// Calls the function at this address.
     Call(u32),
     /// Jumps to this address.
@@ -15,7 +15,7 @@ pub enum Flow {
 
 /// What an instruction does to the stack pointer.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Stack {
+pub(crate) enum Stack {
     /// Takes this many bytes.
     Takes(u32),
     /// Puts the stack pointer less this many bytes into a register.
@@ -28,7 +28,7 @@ pub enum Stack {
 
 /// One instruction.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Instruction {
+pub(crate) struct Instruction {
     /// Bytes: 2 or 4.
     pub size: u32,
     /// Where it may go.
@@ -40,7 +40,7 @@ pub struct Instruction {
 const SP: u32 = 13;
 
 /// The instruction at `address`, where `code` begins.
-pub fn decode(address: u32, code: &[u8]) -> Option<Instruction> {
+pub(crate) fn decode(address: u32, code: &[u8]) -> Option<Instruction> {
     let half = |i: usize| Some(u32::from(u16::from_le_bytes(code.get(i..i + 2)?.try_into().ok()?)));
     let first = half(0)?;
     // A5.1: these three prefixes begin an instruction of 32 bits.
