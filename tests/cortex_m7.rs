@@ -34,7 +34,8 @@ fn digest_of_the_reference() {
 #[test]
 fn the_mcu_computes_the_same_bits() {
     let board = Path::new(env!("CARGO_MANIFEST_DIR")).join("../firmware/boards/qemu-an500");
-    let output = Command::new(board.join("../build")).args(["qemu-an500", "run"]).output().unwrap();
+    let output =
+        Command::new(board.join("../build")).args(["qemu-an500", "run", "--bin", "stages"]).output().unwrap();
     let errors = String::from_utf8_lossy(&output.stderr);
     if let Some(missing) = errors.lines().find(|l| l.starts_with("missing:")) {
         let _ = writeln!(std::io::stderr(), "SKIPPED: Cortex-M7 in QEMU, {missing}");

@@ -7,6 +7,7 @@
 //! * [`world`]: all of them joined with the bridge and the host.
 
 pub mod console;
+pub mod machine;
 pub mod network;
 pub mod path;
 pub mod radar;

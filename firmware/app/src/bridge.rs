@@ -6,11 +6,13 @@ use core::sync::atomic::Ordering;
 
 use embassy_executor::{SpawnError, Spawner};
 use embassy_net::Stack;
+use embassy_net_driver::Driver;
 use embassy_sync::blocking_mutex::raw::NoopRawMutex;
 use embassy_sync::channel::Channel;
 use embassy_sync::signal::Signal;
 use heapless::String;
 use num_complex::Complex;
+use rfhoi_firmware::dca1000::DATA_PORT;
 use rfhoi_firmware::uplink::Uplink;
 use rfhoi_shared::config::{BridgeConfig, Endpoint};
 use rfhoi_shared::wire::{FrameCounts, Hello, MAX_NOTICE, Message, Notice, RadarState, ReaderCounts, Stream};
@@ -19,7 +21,8 @@ use crate::board::{Board, KeepError, keep};
 use crate::handover::Handover;
 use crate::packet::Outgoing;
 use crate::radar::Intake;
-use crate::{CUBE_CELLS, host, now, radar, reader, telemetry};
+use crate::tap::Tap;
+use crate::{CUBE_CELLS, host, now, reader, telemetry};
 
 /// Packets of tags, telemetry and answers that wait for the uplink.
 const PACKETS: usize = 16;
@@ -57,7 +60,7 @@ pub struct Bridge {
     /// Frames of the data UART.
     pub(crate) uart_frames: Cell<FrameCounts>,
     pub(crate) recorder_strays: Cell<u32>,
-    pub(crate) command_strays: Cell<u32>,
+    pub(crate) strays: Cell<u32>,
     dropped: Cell<u32>,
     host: Cell<Option<Endpoint>>,
     /// Numbers what belongs to [`Stream::Control`].
@@ -84,7 +87,7 @@ impl Bridge {
             radar_celsius: Cell::default(),
             uart_frames: Cell::default(),
             recorder_strays: Cell::default(),
-            command_strays: Cell::default(),
+            strays: Cell::default(),
             dropped: Cell::default(),
             host: Cell::new(config.host),
             control: RefCell::new(Uplink::new(boot)),
@@ -99,12 +102,21 @@ impl Bridge {
     /// # Errors
     /// If they run already.
     pub fn spawn(&'static self, spawner: Spawner, stack: Stack<'static>) -> Result<(), SpawnError> {
-        spawner.spawn(radar::datagrams(self, stack)?);
         spawner.spawn(host::run(self, stack)?);
         spawner.spawn(reader::run(self, stack)?);
         spawner.spawn(telemetry::run(self)?);
         self.run(true);
         Ok(())
+    }
+
+    /// `driver` with the recorder's datagrams taken out of it; the IP stack gets the rest.
+    pub fn tap<D: Driver>(&'static self, driver: D) -> Tap<D, &'static Self> {
+        Tap::new(driver, DATA_PORT, self)
+    }
+
+    /// Counts a datagram that is none of ours.
+    pub(crate) fn stray(&self) {
+        self.strays.set(self.strays.get().wrapping_add(1));
     }
 
     /// Starts or stops radar and reader.

@@ -34,8 +34,14 @@ struct Outbox {
     commands: Vec<Vec<u8, MAX_COMMAND>, DATAGRAMS>,
 }
 
-/// The radar's and its recorder's task; `console` is the UART of the radar's command line, 115 200 baud 8N1.
-pub async fn radar_control(bridge: &'static Bridge, stack: Stack<'static>, mut console: impl Read + Write) {
+/// The radar's and its recorder's task; `from_console` and `to_console` are the UART of the radar's command line, 115 200
+/// baud 8N1.
+pub async fn radar_control(
+    bridge: &'static Bridge,
+    stack: Stack<'static>,
+    mut from_console: impl Read,
+    mut to_console: impl Write,
+) {
     let (mut in_metadata, mut in_buffer) = ([PacketMetadata::EMPTY; DATAGRAMS], [0; DATAGRAMS * RECEIVED]);
     let (mut out_metadata, mut out_buffer) =
         ([PacketMetadata::EMPTY; DATAGRAMS], [0; DATAGRAMS * MAX_COMMAND]);
@@ -56,7 +62,7 @@ pub async fn radar_control(bridge: &'static Bridge, stack: Stack<'static>, mut c
     loop {
         let due = instant(control.deadline()).min(look);
         let sources = select4(
-            console.read(&mut heard),
+            from_console.read(&mut heard),
             socket.recv_from(&mut received),
             bridge.radar_runs.wait(),
             Timer::at(due),
@@ -85,7 +91,7 @@ pub async fn radar_control(bridge: &'static Bridge, stack: Stack<'static>, mut c
         handle(&mut control, bridge, input, &mut outbox);
         if !outbox.lines.is_empty() {
             // A radar that is not there is noticed by its silence.
-            let _ = console.write_all(outbox.lines.as_bytes()).await;
+            let _ = to_console.write_all(outbox.lines.as_bytes()).await;
             outbox.lines.clear();
         }
         while let Some((command, recorder)) = outbox.commands.pop().zip(recorder) {

@@ -49,7 +49,7 @@ pub(crate) async fn run(bridge: &'static Bridge, stack: Stack<'static>) {
                 continue;
             }
             Either3::First(Err(_)) => {
-                stray(bridge);
+                bridge.stray();
                 continue;
             }
             Either3::Second(packet) | Either3::Third(packet) => packet,
@@ -74,16 +74,12 @@ async fn send(bridge: &Bridge, socket: &mut UdpSocket<'_>, packet: &Outgoing) {
     }
 }
 
-fn stray(bridge: &Bridge) {
-    bridge.command_strays.set(bridge.command_strays.get().wrapping_add(1));
-}
-
 fn hear(bridge: &Bridge, asker: Endpoint, bytes: &[u8], last: &mut Last) {
     match Packet::decode(bytes) {
         Ok(Packet { message: Message::Command(command), .. }) => obey(bridge, asker, command, last),
         // The answer's version tells the asker what is wrong.
         Err(WireError::Version { .. }) => bridge.say(Some(asker), Message::Hello(bridge.hello())),
-        _ => stray(bridge),
+        _ => bridge.stray(),
     }
 }
 

@@ -2,27 +2,20 @@
 
 use core::mem;
 
-use embassy_net::Stack;
-use embassy_net::udp::{PacketMetadata, UdpSocket};
 use num_complex::Complex;
 use rfhoi_firmware::bridge::{Capture, FrameDone};
-use rfhoi_firmware::dca1000::{DATA_PORT, HEADER_BYTES};
 use rfhoi_firmware::dsp::{Cube, CubeShape};
-use rfhoi_shared::config::{RadarConfig, RadarInput};
-use rfhoi_shared::radar::DCA1000_PAYLOAD;
+use rfhoi_shared::config::{Ipv4, RadarConfig, RadarInput};
 use rfhoi_shared::units::BridgeTime;
 use rfhoi_shared::wire::{DatagramCounts, FrameCounts};
 
 use crate::bridge::Bridge;
 use crate::handover::Handover;
-use crate::{BRIDGES, CUBE_CELLS, now};
+use crate::tap::Datagrams;
+use crate::{CUBE_CELLS, now};
 
 /// Bytes of a chirp, at most: 256 samples of 4 receivers.
 const CHIRP: usize = 4096;
-/// Datagrams that wait in the socket.
-const DATAGRAMS: usize = 8;
-const BUFFER: usize = DATAGRAMS * (HEADER_BYTES + DCA1000_PAYLOAD as usize);
-
 /// Reassembly, range stage, and the cube being filled.
 pub(crate) struct Intake {
     capture: Option<Capture<CHIRP>>,
@@ -104,25 +97,16 @@ impl Intake {
     }
 }
 
-/// Takes the recorder's datagrams out of the socket, where they lie.
-#[embassy_executor::task(pool_size = BRIDGES)]
-pub(crate) async fn datagrams(bridge: &'static Bridge, stack: Stack<'static>) {
-    let RadarInput::Dca1000 { address, .. } = bridge.config.radar.input else { return };
-    let mut metadata = [PacketMetadata::EMPTY; DATAGRAMS];
-    let mut buffer = [0; BUFFER];
-    let mut socket = UdpSocket::new(stack, &mut metadata, &mut buffer, &mut [], &mut []);
-    if socket.bind(DATA_PORT).is_err() {
-        return bridge.notice("the port for radar data cannot be opened");
-    }
-    loop {
-        socket
-            .recv_from_with(|bytes, metadata| {
-                if crate::net::sender(&metadata).address != address {
-                    bridge.command_strays.set(bridge.command_strays.get().wrapping_add(1));
-                } else if let Ok(mut intake) = bridge.intake.try_borrow_mut() {
-                    intake.datagram(now(), bytes);
+/// The recorder's datagrams, where they lie in the driver's buffer ([`crate::Tap`]).
+impl Datagrams for &'static Bridge {
+    fn datagram(&mut self, sender: Ipv4, payload: &[u8]) {
+        match self.config.radar.input {
+            RadarInput::Dca1000 { address, .. } if address == sender => {
+                if let Ok(mut intake) = self.intake.try_borrow_mut() {
+                    intake.datagram(now(), payload);
                 }
-            })
-            .await;
+            }
+            _ => self.stray(),
+        }
     }
 }

@@ -38,7 +38,7 @@ fn telemetry(bridge: &Bridge) -> Telemetry {
     let mut telemetry = Telemetry {
         reader: bridge.reader.get(),
         uplink_dropped: bridge.dropped(),
-        strays: bridge.command_strays.get().wrapping_add(bridge.recorder_strays.get()),
+        strays: bridge.strays.get().wrapping_add(bridge.recorder_strays.get()),
         radar: bridge.radar.get(),
         restart,
         busy_us: now().0.saturating_sub(idle_us),

@@ -8,7 +8,7 @@ use embassy_stm32::interrupt::{InterruptExt, Priority};
 use embassy_stm32::usart::{self, BufferedUart, RingBufferedUartRx};
 use embassy_stm32::{bind_interrupts, dma, interrupt, peripherals, rng};
 use embassy_time::{Duration, Ticker};
-use rfhoi_bridge::{Bridge, Parts, SOCKETS};
+use rfhoi_bridge::{Bridge, Parts, SOCKETS, Tap};
 use static_cell::StaticCell;
 
 use crate::phy::Lan8742;
@@ -72,8 +72,9 @@ async fn run(devices: Devices) {
     static RESOURCES: StaticCell<StackResources<SOCKETS>> = StaticCell::new();
     static BRIDGE: StaticCell<Bridge> = StaticCell::new();
     let ip = rfhoi_bridge::ip_configuration(&parts.config);
-    let (stack, runner) = embassy_net::new(network, ip, RESOURCES.init(StackResources::new()), seed);
     let bridge = BRIDGE.init_with(|| Bridge::new(parts));
+    let resources = RESOURCES.init(StackResources::new());
+    let (stack, runner) = embassy_net::new(bridge.tap(network), ip, resources, seed);
     // SAFETY: a task is given its own executor's spawner.
     let spawner = unsafe { Spawner::for_current_executor().await };
     let spawned = (|| {
@@ -87,13 +88,14 @@ async fn run(devices: Devices) {
 }
 
 #[embassy_executor::task]
-async fn ip_stack(mut runner: Runner<'static, Network>) -> ! {
+async fn ip_stack(mut runner: Runner<'static, Tap<Network, &'static Bridge>>) -> ! {
     runner.run().await
 }
 
 #[embassy_executor::task]
 async fn radar_control(bridge: &'static Bridge, stack: Stack<'static>, console: BufferedUart<'static>) {
-    rfhoi_bridge::radar_control(bridge, stack, console).await;
+    let (to_console, from_console) = console.split();
+    rfhoi_bridge::radar_control(bridge, stack, from_console, to_console).await;
 }
 
 #[embassy_executor::task]
