@@ -67,6 +67,21 @@ pub fn image(board: &str, binary: &str) -> Option<PathBuf> {
     Some(target.join("thumbv7em-none-eabihf/release").join(binary))
 }
 
+/// Runs the image that measures stages; what it prints.
+///
+/// # Panics
+/// If it fails.
+pub fn run_stages(image: &Path) -> String {
+    let mut qemu = Command::new("qemu-system-arm");
+    qemu.args(["-M", "mps2-an500", "-nographic", "-monitor", "none", "-serial", "none"]);
+    // Nothing waits for the time outside.
+    qemu.args(["-icount", "shift=0,sleep=off", "-semihosting-config", "enable=on,target=native"]);
+    let output = qemu.arg("-kernel").arg(image).output().expect("QEMU was there before");
+    let text = String::from_utf8_lossy(&output.stdout).into_owned();
+    assert!(output.status.success(), "{text}{}", String::from_utf8_lossy(&output.stderr));
+    text
+}
+
 fn free_udp_port() -> u16 {
     let socket = UdpSocket::bind((Ipv4Addr::LOCALHOST, 0)).expect("loopback has a free port");
     socket.local_addr().expect("it is bound").port()
