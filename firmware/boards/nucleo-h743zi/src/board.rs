@@ -10,8 +10,8 @@ use crate::keep::Record;
 use crate::temperature::Thermometer;
 use crate::{idle, restart, stack};
 
-/// The watchdog's period, us: longer than an erasure of flash, 4 s (see [`crate::keep`]), at its oscillator's 32 kHz
-/// plus or minus 6 % (DS12110 table 50).
+/// The watchdog's period, us: longer than an erasure of flash, 4 s (see [`crate::keep`]), whose oscillator's
+/// 32 kHz are not exact (DS12110, LSI).
 pub const WATCHDOG_US: u32 = 8_000_000;
 
 /// NUCLEO-H743ZI or NUCLEO-H743ZI2.

@@ -1,10 +1,10 @@
 //! The clock tree, by the chip's revision.
 //!
-//! HSE is the 8 MHz that the ST-LINK gives out, not a crystal (UM1974 section 6.8, UM2407 section 6.7). The core runs at
+//! HSE is the 8 MHz that the ST-LINK gives out, not a crystal (UM1974 and UM2407, OSC clock). The core runs at
 //! 480 MHz in voltage scale 0 on revision V and later; revision Y has no such scale and stops at 400 MHz in scale 1
-//! (RM0433 section 6.6.2, DS12110 table 23).
+//! (RM0433, PWR_D3CR; DS12110, general operating conditions).
 //!
-//! | clock | revision V | revision Y | limit (DS12110 table 23) |
+//! | clock | revision V | revision Y | limit (same place) |
 //! |---|---|---|---|
 //! | core | 480 MHz | 400 MHz | 480, 400 MHz |
 //! | AXI, AHB | 240 MHz | 200 MHz | 240, 200 MHz |
@@ -13,7 +13,7 @@
 //! | ADC | 32 MHz | 32 MHz | 36 MHz |
 //! | RNG | 48 MHz, HSI48 | same | 48 MHz |
 //!
-//! Wait states of the flash follow in embassy-stm32 (RM0433 table 17: four at 240 MHz in scale 0, two at 200 MHz in
+//! Wait states of the flash follow in embassy-stm32 (RM0433, FLASH_ACR: four at 240 MHz in scale 0, two at 200 MHz in
 //! scale 1).
 
 use embassy_stm32::Config;
@@ -37,7 +37,7 @@ pub enum Revision {
 }
 
 impl Revision {
-    /// Reads the revision (RM0433 section 60.5.8: 0x1001 is Z, 0x1003 Y, 0x2001 X, 0x2003 V).
+    /// Reads the revision (RM0433, DBGMCU_IDC: 0x1001 is Z, 0x1003 Y, 0x2001 X, 0x2003 V).
     pub fn read() -> Self {
         if DBGMCU.idc().read().rev_id() < 0x2000 { Self::Y } else { Self::V }
     }
@@ -62,10 +62,10 @@ pub fn config(revision: Revision) -> Config {
     let rcc = &mut config.rcc;
     rcc.voltage_scale = scale;
     rcc.hse = Some(Hse { freq: HSE, mode: HseMode::Bypass });
-    // The compensation of fast pins needs this oscillator (RM0433 section 12.3.1), and RMII has fast pins.
+    // The compensation of fast pins needs this oscillator (RM0433, SYSCFG_CCCSR), and RMII has fast pins.
     rcc.csi = true;
     rcc.pll1 = Some(pll);
-    // 448 MHz in the oscillator, in the range allowed for a reference of 2 MHz or more (DS12110 table 51); 32 MHz out.
+    // 448 MHz in the oscillator, in the range allowed for a reference of 2 MHz or more (DS12110, PLL); 32 MHz out.
     rcc.pll2 = Some(Pll { mul: PllMul::MUL56, divp: Some(PllDiv::DIV14), ..pll });
     rcc.sys = Sysclk::PLL1_P;
     rcc.ahb_pre = AHBPrescaler::DIV2;

@@ -1,9 +1,9 @@
 //! The kept configuration: one record in the last two sectors of flash, written so that a power cut leaves the old one or
 //! the new one.
 //!
-//! sequential-storage appends records to a sector and moves to the other when one is full, so that some 500 records go
-//! between two erasures; each sector stands 10,000 of them (DS12110 table 55). Writing takes some milliseconds, and every
-//! 500th time an erasure of up to 4 s (table 54), in which only interrupts run: that is why the watchdog waits for 8.
+//! sequential-storage appends records to a sector and moves to the other when one is full, so that hundreds of records
+//! go between two erasures; each sector stands 10,000 of them (DS12110, flash memory). An erasure takes up to 4 s (same
+//! place, at the slowest parallelism), in which only interrupts run: that is why the watchdog waits for 8.
 //! Code is in bank 1, so that it runs on while bank 2 is busy.
 //!
 //! A word of flash that lost power while it was written may read with a double error, for which the bus answers with a
@@ -133,7 +133,7 @@ impl Sectors {
     }
 }
 
-/// Error bits of FLASH_SR2 that FLASH_CCR2 clears at the same places (RM0433 sections 4.9.17 and 4.9.18).
+/// Error bits of FLASH_SR2 that FLASH_CCR2 clears at the same places (RM0433, at these registers).
 const CLEARABLE: u32 = 0x1fef_0000;
 
 impl ErrorType for Sectors {

@@ -8,7 +8,7 @@
 //! | log | RTT over the ST-LINK | USB |
 //! | light: on with a network address, else blinking | PB0 | LD1 |
 //!
-//! The radar's levels are 3.3 V, as the board's; join the grounds.
+//! The pins take 3.3 V; check the radar's side, and join the grounds. `cargo run` here flashes and follows the log.
 //!
 //! Two executors: an interrupt runs network and devices, thread mode the signal processing (see `rfhoi_bridge`).
 #![no_std]

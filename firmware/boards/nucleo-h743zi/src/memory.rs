@@ -2,7 +2,7 @@
 //!
 //! The Cortex-M7's D-cache does not see what DMAs write, and embassy-stm32 0.6 does no cache maintenance for Ethernet or
 //! UART; its own examples leave the D-cache off. Here it is on, since the cubes in AXI SRAM live by it, and what a DMA
-//! touches is not cached (AN4839 section 5, AN4838 table 4): both caches and the DMAs are then right by construction.
+//! touches is not cached (AN4839, on DMA coherency): both caches and the DMAs are then right by construction.
 //!
 //! | region | address | why |
 //! |---|---|---|
@@ -32,7 +32,7 @@ pub const RX_PACKETS: usize = 56;
 pub const RADAR_RING_BYTES: usize = 16 * 1024;
 
 /// Runs before any memory is initialised: switches on the clocks of SRAM1 to 3, without which the processor does not reach
-/// them (RM0433 section 8.7.42), and loads section `.dtcm`.
+/// them (RM0433, RCC_AHB2ENR), and loads section `.dtcm`.
 #[unsafe(naked)]
 #[unsafe(export_name = "__pre_init")]
 unsafe extern "C" fn pre_init() {
@@ -133,9 +133,9 @@ impl Memory {
     }
 }
 
-/// On revision Y, reads of AXI SRAM may be corrupted unless only one is issued at a time (ES0392 section 2.2.9).
+/// On revision Y, reads of AXI SRAM may be corrupted unless only one is issued at a time (ES0392).
 fn quiet_axi_sram() {
-    /// AXI_TARG7_FN_MOD, bit READ_ISS_OVERRIDE (RM0433 section 3.3).
+    /// AXI_TARG7_FN_MOD, bit READ_ISS_OVERRIDE (RM0433, AXI interconnect).
     const TARGET_7_ISSUING: *mut u32 = 0x5100_8108 as *mut u32;
     // SAFETY: a register of the AXI interconnect that nothing else writes.
     unsafe { TARGET_7_ISSUING.write_volatile(1) }

@@ -1,4 +1,4 @@
-//! The board's Ethernet transceiver, a LAN8742A at address 0 (UM2407 section 6.11).
+//! The board's Ethernet transceiver, a LAN8742A at address 0 (UM2407, Ethernet).
 //!
 //! embassy-stm32 sets its MAC to 100 Mbit/s in full duplex for good, so this transceiver offers nothing else; its generic
 //! one offers 10 Mbit/s and half duplex too, and waits for a silent chip without end.
@@ -11,7 +11,7 @@ use embassy_time::{Duration, Timer, block_for};
 
 /// How often the link is looked at.
 const POLL: Duration = Duration::from_millis(500);
-/// How long a reset may take (DS00001989 section 3.8.5: 0.5 s).
+/// How long a reset may take (LAN8742A data sheet, soft reset: 0.5 s).
 const RESET: Duration = Duration::from_millis(500);
 /// Pause between two looks at the reset.
 const RESET_STEP: Duration = Duration::from_millis(1);

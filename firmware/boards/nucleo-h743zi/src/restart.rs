@@ -50,7 +50,7 @@ pub fn take() -> (RestartReason, Option<LastWords>) {
     let flags = RCC.rsr().read();
     RCC.rsr().modify(|w| w.set_rmvf(true));
     let mark = MARK.swap(0, Relaxed);
-    // Every reset pulls the pin too, and power-on counts as a brown-out (RM0433 table 55): the rarest flag decides.
+    // Every reset pulls the pin too, and power-on counts as a brown-out (RM0433, RCC_RSR): the rarest flag decides.
     let reason = if flags.porrstf() {
         RestartReason::PowerOn
     } else if flags.borrstf() {

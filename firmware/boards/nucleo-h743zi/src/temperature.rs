@@ -4,13 +4,13 @@ use embassy_stm32::Peri;
 use embassy_stm32::adc::{Adc, SampleTime, Temperature, VrefInt};
 use embassy_stm32::peripherals::ADC3;
 
-/// Readings that the factory took at 3.3 V: of the sensor at 30 and 110 degrees Celsius (DS12110 table 87) and of the
-/// reference (table 22), 16 bit.
+/// Readings that the factory took at 3.3 V: of the sensor at 30 and 110 degrees Celsius (DS12110, temperature sensor) and of the
+/// reference (embedded reference voltage), 16 bit.
 const SENSOR_30: *const u16 = 0x1FF1_E820 as *const u16;
 const SENSOR_110: *const u16 = 0x1FF1_E840 as *const u16;
 const REFERENCE: *const u16 = 0x1FF1_E860 as *const u16;
 
-/// 24 us or, on revision Y, 12 us at 32 MHz; the sensor wants 9 us, the reference 4.3 us (DS12110 tables 21 and 86).
+/// 24 us or, on revision Y, 12 us at 32 MHz; the sensor wants 9 us, the reference 4.3 us (same places).
 const SAMPLE: SampleTime = SampleTime::CYCLES387_5;
 
 /// The sensor.
