@@ -11,6 +11,7 @@ pub mod network;
 pub mod path;
 pub mod radar;
 pub mod reader;
+pub mod rig;
 pub mod serial;
 pub mod tcp;
 pub mod world;

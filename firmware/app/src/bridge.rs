@@ -15,7 +15,7 @@ use rfhoi_firmware::uplink::Uplink;
 use rfhoi_shared::config::{BridgeConfig, Endpoint};
 use rfhoi_shared::wire::{FrameCounts, Hello, MAX_NOTICE, Message, Notice, RadarState, ReaderCounts, Stream};
 
-use crate::board::{Board, KeepError, keep};
+use crate::board::{Board, KeepError, keep_configuration};
 use crate::handover::Handover;
 use crate::packet::Outgoing;
 use crate::radar::Intake;
@@ -184,7 +184,7 @@ impl Bridge {
 
     /// Keeps a configuration for the next start.
     pub(crate) fn keep(&self, config: &BridgeConfig) -> Result<(), KeepError> {
-        self.with_board(|board| keep(board, config)).unwrap_or(Err(KeepError))
+        self.with_board(|board| keep_configuration(board, config)).unwrap_or(Err(KeepError))
     }
 
     /// Calls `f` with the board, unless a caller further up has it.

@@ -52,7 +52,7 @@ mod reader;
 mod telemetry;
 mod uart;
 
-pub use board::{Board, KeepError, boot_configuration};
+pub use board::{Board, KeepError, boot_configuration, keep_configuration};
 pub use bridge::{Bridge, Parts};
 pub use control::radar_control;
 pub use dsp::spawn as spawn_dsp;
