@@ -65,7 +65,7 @@ pub use uart::radar_uart;
 pub const CUBE_CELLS: usize = 2 * 72 * 12 * 64;
 
 /// Bridges in one process: one on a board, several in tests on a PC.
-const BRIDGES: usize = if cfg!(feature = "std") { 32 } else { 1 };
+const BRIDGES: usize = if cfg!(feature = "std") { 64 } else { 1 };
 
 /// The time of a bridge.
 fn now() -> rfhoi_shared::units::BridgeTime {
