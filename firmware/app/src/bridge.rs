@@ -137,14 +137,14 @@ impl Bridge {
         }
         let taken = Outgoing::new(to, bytes).is_some_and(|packet| self.packets.try_send(packet).is_ok());
         if !taken {
-            self.drop_packet();
+            self.drop_packets(1);
         }
         taken
     }
 
-    /// Counts a packet that could not leave.
-    pub(crate) fn drop_packet(&self) {
-        self.dropped.set(self.dropped.get().wrapping_add(1));
+    /// Counts packets that could not leave.
+    pub(crate) fn drop_packets(&self, count: u32) {
+        self.dropped.set(self.dropped.get().wrapping_add(count));
     }
 
     /// Packets that could not leave since the start.
