@@ -37,10 +37,11 @@ impl Console {
         let works_us = if line == "sensorStart" { START_US } else { COMMAND_US };
         let mut time = now.after(works_us);
         let worked = time;
-        let said = [format!("{line}\r\n{}", self.answer(worked, &line)), "mmwDemo:/>".to_owned()].map(|words| {
-            time = time.after(CHARACTER_US * words.len() as u64);
-            (time, words)
-        });
+        let said =
+            [format!("{line}\r\n{}", self.answer(worked, &line)), "mmwDemo:/>".to_owned()].map(|words| {
+                time = time.after(CHARACTER_US * words.len() as u64);
+                (time, words)
+            });
         self.busy_until = time;
         said.into()
     }

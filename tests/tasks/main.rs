@@ -2,19 +2,26 @@
 //!
 //! Times that a recovery may take are constants beside the tests, with their reasons; what was measured is printed.
 
+mod configuration;
+mod dsp;
+mod garbage;
+mod host;
+mod radar;
+mod reader;
 mod stream;
+mod uart;
 
 use rfhoi_shared::config::{BridgeConfig, Endpoint, ReaderConfig};
 use rfhoi_shared::scene::Scene;
 use rfhoi_shared::units::BridgeTime;
 use rfhoi_tests::simulated::radar::{Measurement, configuration, point, short_frames};
-use rfhoi_tests::simulated::reader::{self, Tag};
+use rfhoi_tests::simulated::reader::{Setup as ReaderSetup, Tag};
 use rfhoi_tests::simulated::rig::{READER, Setup};
 
 /// Where most tests have their host.
 const HOST: Endpoint = Endpoint { address: [192, 168, 33, 20], port: 50_000 };
-/// By then the radar is programmed (25 lines, 0.2 s), calibrated (1.5 s) and streams, and the reader reads, s.
-const RUNNING: f64 = 3.0;
+/// By then the radar is programmed, calibrated (1.5 s) and streams, and the reader reads, s.
+const RUNNING: f64 = 4.5;
 
 /// A radar of 50 short frames a second, for `frames` of them, and a reader of 200 reads a second.
 fn setup(frames: u32) -> Setup {
@@ -36,7 +43,7 @@ fn setup(frames: u32) -> Setup {
             noise: 2.0,
             seed: 4,
         },
-        reader: reader::Setup::new(vec![tag(1, 1.5, 0.2), tag(2, 2.5, 0.0)]),
+        reader: ReaderSetup::new(vec![tag(1, 1.5, 0.2), tag(2, 2.5, 0.0)]),
         dsp: true,
     }
 }

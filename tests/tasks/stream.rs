@@ -27,7 +27,7 @@ fn everything_arrives_as_it_was_measured() {
         assert_eq!(host.ask(Request::Hello).await, Some(Ok(())));
         rig.until(14.5).await;
         let telemetry = host.telemetry();
-        assert_eq!((telemetry.reader.state, telemetry.radar), (ReaderState::Reading, RadarState::Silent));
+        assert_eq!((telemetry.reader.state, telemetry.radar), (ReaderState::Reading, RadarState::Streaming));
         assert_eq!(host.ask(Request::Stop).await, Some(Ok(())));
         rig.pass(1.6).await;
         let telemetry = host.telemetry();
@@ -52,10 +52,11 @@ fn everything_arrives_as_it_was_measured() {
     let expected = path::run(&config.radar, heard);
     assert_eq!(expected.frames.len(), FRAMES as usize);
     assert!(host.host().frames().map(timeless).eq(expected.frames.iter().map(timeless)));
-    let latencies = host.host().frames().filter_map(|f| f.info).map(|info| info.latency_us);
-    println!("latency of signal processing: at most {} us of rounds", latencies.max().unwrap_or(0));
+    let host = host.host();
+    let latency_us = host.frames().filter_map(|f| f.info).map(|info| info.latency_us).max();
+    println!("signal processing took {latency_us:?} us of rounds at most");
 
-    let got: Vec<TagRead> = host.host().reads().cloned().collect();
+    let got: Vec<TagRead> = host.reads().cloned().collect();
     println!("{} reads of {}", got.len(), reads.len());
     // Those under way when the session ended are not taken any more.
     assert!(got.len() >= 2_000 && got.len() <= reads.len() && got.len() + 2 >= reads.len());

@@ -23,9 +23,9 @@
 //! | `Handover::frames` | 1 cube | the new frame is dropped whole and counted as an overrun; the older one is finished |
 //! | `Handover::radar` | 24 packets of maps | the packet is dropped and counted; the host sees the gap |
 //! | `Bridge::packets` | 16 packets of tags, telemetry, answers | the packet is dropped and counted; the host sees the gap |
-//! | UDP 4780 out | 4 packets | waits 100 ms, then drops what cannot leave and counts it |
+//! | UDP 4780 out | 4 answers, 4 others | waits 100 ms, then drops what cannot leave and counts it; an absent host gets nothing for 1 s |
 //! | UDP 4098 | 8 datagrams | the datagram is lost, and counted by its number |
-//! | UDP 4780 in, 4096 in | 2, 4 datagrams | lost; whoever asked asks again |
+//! | UDP 4780 in, 4096 in | 2, 4 datagrams of 64 bytes | lost; whoever asked asks again |
 //! | LLRP in | 4 KiB | TCP makes the reader wait |
 //! | LLRP out | 2 KiB | the message is left out; the client's time limits notice |
 //!

@@ -7,9 +7,7 @@ use embassy_net::udp::UdpSocket;
 use embassy_time::{Duration, Instant, Timer};
 use rfhoi::receive::Received;
 use rfhoi_shared::config::Endpoint;
-use rfhoi_shared::wire::{
-    Ack, Command, MAX_PACKET, Message, Notice, ReaderState, Refusal, Request, Sequencer, Telemetry,
-};
+use rfhoi_shared::wire::{Ack, Command, MAX_PACKET, Message, Notice, Refusal, Request, Sequencer, Telemetry};
 
 use super::clock;
 use super::station::remote;
@@ -18,6 +16,8 @@ use crate::simulated::world::Host;
 
 /// How long an answer is waited for.
 const PATIENCE: Duration = Duration::from_millis(500);
+/// Times that a request is sent before the bridge counts as absent.
+const TRIES: usize = 8;
 /// How often it looks for an answer.
 const LOOK: Duration = Duration::from_micros(500);
 
@@ -64,6 +64,19 @@ impl NetworkHost {
         self.ask_as(id, request).await.map(|ack| ack.outcome)
     }
 
+    /// The same, again and again where no answer comes: after a restart the bridge's IP stack asks for one address a second,
+    /// be it the reader's, the recorder's or this host's.
+    pub async fn insist(&self, request: Request) -> Option<Result<(), Refusal>> {
+        let id = self.0.last_id.get() + 1;
+        self.0.last_id.set(id);
+        for _ in 0..TRIES {
+            if let Some(ack) = self.ask_as(id, request.clone()).await {
+                return Some(ack.outcome);
+            }
+        }
+        None
+    }
+
     /// Sends a request under this number and waits for the answer that comes after it.
     pub async fn ask_as(&self, id: u16, request: Request) -> Option<Ack> {
         let before = self.received().len();
@@ -72,10 +85,9 @@ impl NetworkHost {
         while Instant::now() < end {
             Timer::after(LOOK).await;
             let received = self.received();
-            let mut acks = received[before..].iter();
-            if let Some(ack) = acks.find_map(|r| if let Received::Ack(a) = r { Some(*a) } else { None })
-                && ack.id == id
-            {
+            let acks = received[before..].iter();
+            let mut acks = acks.filter_map(|r| if let Received::Ack(a) = r { Some(*a) } else { None });
+            if let Some(ack) = acks.find(|ack| ack.id == id) {
                 return Some(ack);
             }
         }
@@ -122,14 +134,11 @@ impl NetworkHost {
         *self.host().telemetry().last().expect("telemetry came")
     }
 
-    /// State of the reader's link as the last telemetry tells it.
-    pub fn reader_state(&self) -> ReaderState {
-        self.telemetry().reader.state
-    }
-
     /// What people were told.
     pub fn notices(&self) -> Vec<String> {
-        let text = |r: &Received| if let Received::Notice(Notice { text }) = r { Some(text.to_string()) } else { None };
+        let text = |r: &Received| {
+            if let Received::Notice(Notice { text }) = r { Some(text.to_string()) } else { None }
+        };
         self.received().iter().filter_map(text).collect()
     }
 }

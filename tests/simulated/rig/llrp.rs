@@ -22,6 +22,7 @@ const ABANDON: Duration = Duration::from_secs(3);
 /// What is done to its connection.
 enum Deed {
     Reset,
+    Close,
     Say(Vec<u8>),
 }
 
@@ -62,6 +63,12 @@ impl NetworkReader {
     pub fn go_down(&self) {
         self.0.listens.set(false);
         self.0.deed.signal(Deed::Reset);
+    }
+
+    /// Closes the connection in order and listens no more.
+    pub fn shut_down(&self) {
+        self.0.listens.set(false);
+        self.0.deed.signal(Deed::Close);
     }
 
     /// Listens again.
@@ -121,6 +128,11 @@ impl NetworkReader {
                 Either3::First(_) | Either3::Third(Deed::Reset) => return,
                 Either3::Second(()) => {
                     saying = self.with(|reader| reader.message(clock::now())).unwrap_or_default();
+                }
+                Either3::Third(Deed::Close) => {
+                    socket.close();
+                    let _ = socket.flush().await;
+                    return;
                 }
                 Either3::Third(Deed::Say(bytes)) => saying = bytes,
             }

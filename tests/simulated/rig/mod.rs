@@ -34,7 +34,6 @@ use num_complex::Complex;
 use rfhoi_bridge::{Bridge, CUBE_CELLS, Handover, Parts, SOCKETS};
 use rfhoi_firmware::dsp::DopplerStage;
 use rfhoi_shared::config::{Address, BridgeConfig, Endpoint};
-use rfhoi_shared::units::BridgeTime;
 use rfhoi_shared::wire::BRIDGE_PORT;
 
 pub use board::SimulatedBoard;
@@ -161,6 +160,11 @@ impl Rig {
         }
     }
 
+    /// Seconds since the beginning.
+    pub fn seconds(&self) -> f64 {
+        clock::now().seconds()
+    }
+
     /// Waits until so many seconds from the beginning.
     pub async fn until(&self, seconds: f64) {
         Timer::at(Instant::from_micros((seconds * 1e6) as u64)).await;
@@ -168,7 +172,7 @@ impl Rig {
 
     /// Waits so many seconds.
     pub async fn pass(&self, seconds: f64) {
-        self.until(clock::now().seconds() + seconds).await;
+        self.until(self.seconds() + seconds).await;
     }
 
     /// A host at this endpoint, with the others at its address in one station.
@@ -320,9 +324,4 @@ where
     }
     let outcome = result.borrow_mut().take();
     outcome.expect("the loop ends with it")
-}
-
-/// Seconds as a time of the bridge.
-pub fn at(seconds: f64) -> BridgeTime {
-    BridgeTime((seconds * 1e6) as u64)
 }
