@@ -10,6 +10,8 @@ use rfhoi_tests::simulated::rig::{NetworkHost, Rig, clock, run_script};
 
 use crate::{HOST, RUNNING, setup};
 
+/// After a restart the IP stack looks up one address a second: the reader's, the recorder's, the host's; s.
+const LOOKUPS: f64 = 3.0;
 /// A restart waits 0.25 s so that its answer leaves, and the simulated board takes 0.1 s, s.
 const RESTART: f64 = 0.4;
 
@@ -58,8 +60,9 @@ fn a_configuration_is_kept_and_takes_effect() {
         assert_eq!(host.ask(configure()).await, Some(Ok(())));
         rig.pass(RESTART).await;
         assert_eq!((configuration(&host).await, rig.board.state().starts), (wanted.clone(), 2));
-        rig.pass(RUNNING).await;
+        rig.pass(RUNNING + LOOKUPS).await;
         let telemetry = host.telemetry();
+        println!("{} packets dropped while addresses were looked up", telemetry.uplink_dropped);
         assert_eq!(telemetry.restart, RestartReason::Command);
         assert_eq!(telemetry.reader.state, ReaderState::Reading, "it runs after a restart");
         assert!(telemetry.frames.complete > 20 && telemetry.frames.incomplete == 0);

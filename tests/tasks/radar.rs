@@ -10,8 +10,8 @@ use crate::{HOST, RUNNING, setup};
 /// A wait of 5 s, program and calibration of 2.0 s, and the next telemetry's second; the bridge sees data when it looks, every
 /// 0.5 s; s.
 const BACK: f64 = 5.0 + 2.0 + 0.5 + 1.1;
-/// A stop waits for the console's answer and the recorder's: 1 s and four times 0.3 s where there are none; s.
-const STOP: f64 = 1.05 + 4.0 * 0.3 + 1.1;
+/// A stop waits for the console's answer and the recorder's: 1 s and eight times 0.3 s where there are none; s.
+const STOP: f64 = 1.05 + 8.0 * 0.3 + 1.1;
 
 async fn takes(rig: &Rig, host: &NetworkHost, state: RadarState, most: f64) -> f64 {
     let from = rig.seconds();
@@ -36,7 +36,7 @@ fn a_recorder_that_is_absent_is_tried_until_it_is_there() {
         let notices = host.notices();
         println!("{notices:?}");
         assert!(notices.iter().all(|n| n.starts_with("the DCA1000EVM does not answer SystemConnect")));
-        // 1.4 s of attempts, 5 s of waiting.
+        // 2.6 s of attempts, 5 s of waiting.
         assert_eq!(notices.len(), 3);
         assert_eq!(times(&rig, "sensorStart"), 0, "not before the recorder");
         let states: Vec<RadarState> = host.host().telemetry().map(|t| t.radar).collect();

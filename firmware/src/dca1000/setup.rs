@@ -13,8 +13,9 @@ use super::command::{Answer, Code, Command, Lanes, MAX_COMMAND};
 
 /// Wait for an answer, us; the FPGA answers within milliseconds.
 const ANSWER_US: u64 = 300_000;
-/// Times that a command is sent before the recorder counts as absent.
-const TRIES: u8 = 4;
+/// Times that a command is sent before the recorder counts as absent. After a start the IP stack looks up one address a
+/// second, and the recorder's may be the third, after the host's and the reader's.
+const TRIES: u8 = 8;
 /// Bytes of a datagram that TI's tools ask for; the FPGA then sends 1466, of which 1456 are samples.
 const PACKET_BYTES: u16 = 1470;
 
