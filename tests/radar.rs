@@ -24,7 +24,9 @@ fn directly(config: &RadarConfig, measurement: &Measurement) -> Vec<(Vec<u8>, Ve
         if chirp.index == 0 {
             cube.clear();
         }
-        range.chirp(chirp.index, &chirp.bytes, &mut cube);
+        for (receiver, row) in (0..).zip(chirp.bytes.chunks(config.profile.row_bytes() as usize)) {
+            range.row(chirp.index, receiver, row, &mut cube);
+        }
         if chirp.index + 1 < config.profile.chirps_per_frame() {
             continue;
         }

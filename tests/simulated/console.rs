@@ -7,7 +7,7 @@ const COMMAND_US: u64 = 3_000;
 /// Time that `sensorStart` takes, which calibrates first, us.
 const START_US: u64 = 1_500_000;
 /// A character at 115 200 baud, us.
-const CHARACTER_US: u64 = 87;
+pub const CHARACTER_US: u64 = 87;
 
 /// What the demo says, and when the last character of it is out.
 pub type Said = (BridgeTime, String);
@@ -21,7 +21,7 @@ pub struct Console {
     busy_until: BridgeTime,
     taken: Vec<String>,
     unheard: usize,
-    started: bool,
+    started: Option<BridgeTime>,
 }
 
 impl Console {
@@ -36,24 +36,26 @@ impl Console {
         self.line.clear();
         let works_us = if line == "sensorStart" { START_US } else { COMMAND_US };
         let mut time = now.after(works_us);
-        let said = [format!("{line}\r\n{}", self.answer(&line)), "mmwDemo:/>".to_owned()].map(|words| {
-            time = time.after(CHARACTER_US * words.len() as u64);
-            (time, words)
-        });
+        let worked = time;
+        let said =
+            [format!("{line}\r\n{}", self.answer(worked, &line)), "mmwDemo:/>".to_owned()].map(|words| {
+                time = time.after(CHARACTER_US * words.len() as u64);
+                (time, words)
+            });
         self.busy_until = time;
         said.into()
     }
 
-    fn answer(&mut self, line: &str) -> &'static str {
+    fn answer(&mut self, now: BridgeTime, line: &str) -> &'static str {
         let Some(command) = line.split(' ').next().filter(|c| !c.is_empty()) else { return "" };
         if self.refuses == Some(command) {
             return "Error: Invalid usage of the CLI command\nError -1\n";
         }
         self.taken.push(line.to_owned());
         match command {
-            "sensorStop" if !self.started => "Ignored: Sensor is already stopped\nDone\n",
+            "sensorStop" if self.started.take().is_none() => "Ignored: Sensor is already stopped\nDone\n",
             "sensorStart" => {
-                self.started = true;
+                self.started = Some(now);
                 "Debug: Init Calibration Status = 0x1ffe\nDone\n"
             }
             _ => "Done\n",
@@ -72,6 +74,11 @@ impl Console {
 
     /// Whether the sensor was started.
     pub fn is_started(&self) -> bool {
+        self.started.is_some()
+    }
+
+    /// When the sensor begins its first frame, if it was started and not stopped since.
+    pub fn started(&self) -> Option<BridgeTime> {
         self.started
     }
 }

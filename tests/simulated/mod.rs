@@ -4,7 +4,8 @@
 //! * [`radar`]: chirps of point scatterers as DCA1000 datagrams; [`console`]: the SDK demo's command line.
 //! * [`reader`]: an LLRP reader with tags in view and a clock of its own.
 //! * [`path`]: the radar's path alone, from datagrams to frames at the host.
-//! * [`world`]: all of them joined with the bridge and the host.
+//! * [`world`]: all of them joined with the bridge's logic and the host.
+//! * [`rig`]: all of them around the bridge's own tasks, with an Ethernet switch and UARTs in between.
 
 pub mod console;
 pub mod machine;
@@ -12,6 +13,7 @@ pub mod network;
 pub mod path;
 pub mod radar;
 pub mod reader;
+pub mod rig;
 pub mod serial;
 pub mod tcp;
 pub mod world;

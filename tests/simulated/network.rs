@@ -56,6 +56,11 @@ impl Network {
         }
     }
 
+    /// From now on it is in these conditions.
+    pub fn set_conditions(&mut self, conditions: Conditions) {
+        self.conditions = conditions;
+    }
+
     /// Takes a datagram.
     pub fn send(&mut self, now: BridgeTime, datagram: Vec<u8>) {
         let Conditions { loss, duplicates, late, delay_us, .. } = self.conditions;

@@ -69,7 +69,7 @@ pub fn boot_configuration(board: &mut dyn Board) -> BridgeConfig {
 ///
 /// # Errors
 /// As [`Board::keep`].
-pub(crate) fn keep(board: &mut dyn Board, config: &BridgeConfig) -> Result<(), KeepError> {
+pub fn keep_configuration(board: &mut dyn Board, config: &BridgeConfig) -> Result<(), KeepError> {
     let mut buffer = [0; MAX_KEPT];
     let [version, body @ ..] = &mut buffer;
     [*version] = VERSION;

@@ -8,7 +8,6 @@ use embassy_executor::{SpawnError, Spawner};
 use embassy_net::Stack;
 use embassy_net_driver::Driver;
 use embassy_sync::blocking_mutex::raw::NoopRawMutex;
-use embassy_sync::channel::Channel;
 use embassy_sync::signal::Signal;
 use heapless::String;
 use num_complex::Complex;
@@ -17,15 +16,12 @@ use rfhoi_firmware::uplink::Uplink;
 use rfhoi_shared::config::{BridgeConfig, Endpoint};
 use rfhoi_shared::wire::{FrameCounts, Hello, MAX_NOTICE, Message, Notice, RadarState, ReaderCounts, Stream};
 
-use crate::board::{Board, KeepError, keep};
+use crate::board::{Board, KeepError, keep_configuration};
 use crate::handover::Handover;
 use crate::packet::Outgoing;
 use crate::radar::Intake;
 use crate::tap::Tap;
 use crate::{CUBE_CELLS, host, now, reader, telemetry};
-
-/// Packets of tags, telemetry and answers that wait for the uplink.
-const PACKETS: usize = 16;
 
 /// What a bridge is made of.
 pub struct Parts {
@@ -47,7 +43,6 @@ pub struct Bridge {
     pub(crate) boot: u16,
     pub(crate) handover: &'static Handover,
     pub(crate) intake: RefCell<Intake>,
-    pub(crate) packets: Channel<NoopRawMutex, Outgoing, PACKETS>,
     /// Whether the radar is to run.
     pub(crate) radar_runs: Signal<NoopRawMutex, bool>,
     /// Whether the reader is to read.
@@ -80,7 +75,6 @@ impl Bridge {
             boot,
             handover,
             intake: RefCell::new(intake),
-            packets: Channel::new(),
             radar_runs: Signal::new(),
             reader_runs: Signal::new(),
             reader_tells: Signal::new(),
@@ -150,16 +144,17 @@ impl Bridge {
         if to.or(self.host()).is_none() {
             return true;
         }
-        let taken = Outgoing::new(to, bytes).is_some_and(|packet| self.packets.try_send(packet).is_ok());
+        let taken =
+            Outgoing::new(to, bytes).is_some_and(|packet| self.handover.packets.try_send(packet).is_ok());
         if !taken {
-            self.drop_packet();
+            self.drop_packets(1);
         }
         taken
     }
 
-    /// Counts a packet that could not leave.
-    pub(crate) fn drop_packet(&self) {
-        self.dropped.set(self.dropped.get().wrapping_add(1));
+    /// Counts packets that could not leave.
+    pub(crate) fn drop_packets(&self, count: u32) {
+        self.dropped.set(self.dropped.get().wrapping_add(count));
     }
 
     /// Packets that could not leave since the start.
@@ -205,7 +200,7 @@ impl Bridge {
 
     /// Keeps a configuration for the next start.
     pub(crate) fn keep(&self, config: &BridgeConfig) -> Result<(), KeepError> {
-        self.with_board(|board| keep(board, config)).unwrap_or(Err(KeepError))
+        self.with_board(|board| keep_configuration(board, config)).unwrap_or(Err(KeepError))
     }
 
     /// Calls `f` with the board, unless a caller further up has it.

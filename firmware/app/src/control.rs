@@ -1,5 +1,6 @@
 //! Drives the radar and its recorder.
 
+use embassy_futures::poll_once;
 use embassy_futures::select::{Either4, select4};
 use embassy_net::Stack;
 use embassy_net::udp::{PacketMetadata, UdpSocket};
@@ -95,8 +96,9 @@ pub async fn radar_control(
             outbox.lines.clear();
         }
         while let Some((command, recorder)) = outbox.commands.pop().zip(recorder) {
-            // One that is lost is sent again.
-            let _ = socket.send_to(&command, remote(recorder)).await;
+            // One that is lost is sent again. While nobody has the recorder's address the socket is full, and would be
+            // waited for in vain.
+            let _ = poll_once(socket.send_to(&command, remote(recorder)));
         }
     }
 }

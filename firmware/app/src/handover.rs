@@ -12,14 +12,19 @@ use crate::packet::Outgoing;
 /// Packets of maps that wait for the uplink: more than two frames of the `bridge` profile with ten each leave.
 const RADAR_PACKETS: usize = 24;
 
+/// Packets of tags, telemetry and answers that wait for the uplink.
+const PACKETS: usize = 16;
+
 /// A complete frame on its way to signal processing.
 pub(crate) type Frame = (Cube<'static>, FrameDone);
 
-/// The channels, all bounded. A board places it where it likes: 36 KiB, all zeros at first.
+/// The channels, all bounded. A board places it where it likes: 60 KiB, all zeros at first.
 pub struct Handover {
     pub(crate) frames: Channel<CriticalSectionRawMutex, Frame, 1>,
     pub(crate) spare: Channel<CriticalSectionRawMutex, Cube<'static>, 1>,
     pub(crate) radar: Channel<CriticalSectionRawMutex, Outgoing, RADAR_PACKETS>,
+    /// Used by the executor in the interrupt alone; it is here to lie where the board wants its queues.
+    pub(crate) packets: Channel<CriticalSectionRawMutex, Outgoing, PACKETS>,
     /// Somebody listens.
     pub(crate) host: AtomicBool,
     /// Packets of maps that did not fit.
@@ -37,6 +42,7 @@ impl Handover {
             frames: Channel::new(),
             spare: Channel::new(),
             radar: Channel::new(),
+            packets: Channel::new(),
             host: AtomicBool::new(false),
             unsent: AtomicU32::new(0),
             processed: AtomicU32::new(0),

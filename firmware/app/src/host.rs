@@ -1,9 +1,14 @@
-//! The host's end: commands in, packets out, on one socket.
+//! The host's end: commands in, packets out, on one port.
+//!
+//! A socket of the IP stack does not send past a packet whose address nobody answers for, and is silenced for a second
+//! by it. So answers and the stream have a socket each, one that is stuck is replaced, and a host that is absent gets
+//! nothing for a while.
 
-use embassy_futures::select::{Either3, select3};
+use embassy_futures::poll_once;
+use embassy_futures::select::{Either4, select4};
 use embassy_net::Stack;
 use embassy_net::udp::{PacketMetadata, UdpSocket};
-use embassy_time::{Duration, with_timeout};
+use embassy_time::{Duration, Instant, with_timeout};
 use rfhoi_shared::config::Endpoint;
 use rfhoi_shared::wire::{
     Ack, BRIDGE_PORT, Command, MAX_PACKET, Message, Packet, Refusal, Request, WireError,
@@ -11,65 +16,141 @@ use rfhoi_shared::wire::{
 
 use crate::bridge::{Bridge, cube_bytes};
 use crate::net::{remote, sender};
-use crate::packet::Outgoing;
 use crate::{BRIDGES, now};
 
-/// Packets that the socket holds on their way out: while an address is looked up, or the cable is busy.
+/// Packets that a socket holds on their way out: while an address is looked up, or the cable is busy.
 const PACKETS_OUT: usize = 4;
 /// Commands that it holds on their way in.
 const PACKETS_IN: usize = 2;
-/// How long a packet waits for room. An address that does not answer would hold up all others.
+/// How long a packet waits for room.
 const PATIENCE: Duration = Duration::from_millis(100);
+/// For how long nothing is sent to a host that was absent.
+const ABSENCE: Duration = Duration::from_secs(1);
 
 /// The last command that changed something, so that its repetition does not.
 type Last = Option<(Endpoint, u16, Result<(), Refusal>)>;
 
-#[embassy_executor::task(pool_size = BRIDGES)]
-pub(crate) async fn run(bridge: &'static Bridge, stack: Stack<'static>) {
-    let (mut in_metadata, mut in_buffer) =
-        ([PacketMetadata::EMPTY; PACKETS_IN], [0; PACKETS_IN * MAX_PACKET]);
-    let (mut out_metadata, mut out_buffer) =
-        ([PacketMetadata::EMPTY; PACKETS_OUT], [0; PACKETS_OUT * MAX_PACKET]);
-    let mut socket =
-        UdpSocket::new(stack, &mut in_metadata, &mut in_buffer, &mut out_metadata, &mut out_buffer);
-    if socket.bind(BRIDGE_PORT).is_err() {
-        return;
+/// Memory of a socket.
+struct Buffers {
+    in_metadata: [PacketMetadata; PACKETS_IN],
+    in_buffer: [u8; PACKETS_IN * MAX_PACKET],
+    out_metadata: [PacketMetadata; PACKETS_OUT],
+    out_buffer: [u8; PACKETS_OUT * MAX_PACKET],
+}
+
+impl Buffers {
+    const fn new() -> Self {
+        Self {
+            in_metadata: [PacketMetadata::EMPTY; PACKETS_IN],
+            in_buffer: [0; PACKETS_IN * MAX_PACKET],
+            out_metadata: [PacketMetadata::EMPTY; PACKETS_OUT],
+            out_buffer: [0; PACKETS_OUT * MAX_PACKET],
+        }
     }
-    let mut received = [0; MAX_PACKET];
-    let mut last = None;
-    loop {
-        let sources = select3(
-            socket.recv_from(&mut received),
-            bridge.packets.receive(),
-            bridge.handover.radar.receive(),
-        );
-        let packet = match sources.await {
-            Either3::First(Ok((length, metadata))) => {
-                hear(bridge, sender(&metadata), received.get(..length).unwrap_or(&[]), &mut last);
-                continue;
-            }
-            Either3::First(Err(_)) => {
-                bridge.stray();
-                continue;
-            }
-            Either3::Second(packet) | Either3::Third(packet) => packet,
-        };
-        send(bridge, &mut socket, &packet).await;
+
+    fn lane(&mut self, stack: Stack<'static>) -> Option<Lane<'_>> {
+        let Self { in_metadata, in_buffer, out_metadata, out_buffer } = self;
+        let mut socket = UdpSocket::new(stack, in_metadata, in_buffer, out_metadata, out_buffer);
+        socket.bind(BRIDGE_PORT).ok()?;
+        Some(Lane { socket, waiting: 0 })
     }
 }
 
-async fn send(bridge: &Bridge, socket: &mut UdpSocket<'_>, packet: &Outgoing) {
-    let Some(to) = packet.to.or(bridge.host()) else { return };
-    match with_timeout(PATIENCE, socket.send_to(packet.bytes(), remote(to))).await {
-        Ok(Ok(())) => {}
-        Ok(Err(_)) => bridge.drop_packet(),
-        Err(_) => {
-            // What waits for an address that does not answer would hold up everybody else.
-            socket.close();
-            let _ = socket.bind(BRIDGE_PORT);
-            for _ in 0..=PACKETS_OUT {
-                bridge.drop_packet();
+/// A socket, and the packets in it since it was last seen empty.
+struct Lane<'s> {
+    socket: UdpSocket<'s>,
+    waiting: u32,
+}
+
+impl Lane<'_> {
+    /// Sends a packet, or counts it as dropped. Returns whether the socket is still of use.
+    async fn send(&mut self, bridge: &Bridge, bytes: &[u8], to: Endpoint) -> bool {
+        if poll_once(self.socket.flush()).is_ready() {
+            self.waiting = 0;
+        }
+        match with_timeout(PATIENCE, self.socket.send_to(bytes, remote(to))).await {
+            Ok(Ok(())) => self.waiting += 1,
+            Ok(Err(_)) => bridge.drop_packets(1),
+            Err(_) => {
+                bridge.drop_packets(self.waiting + 1);
+                return false;
             }
+        }
+        true
+    }
+}
+
+/// Which socket is stuck.
+enum Stuck {
+    Answers,
+    Stream,
+}
+
+/// What outlives a socket.
+#[derive(Default)]
+struct Memory {
+    last: Last,
+    /// A host that did not take what was sent, and until when it gets nothing.
+    absent: Option<(Endpoint, Instant)>,
+}
+
+#[embassy_executor::task(pool_size = BRIDGES)]
+pub(crate) async fn run(bridge: &'static Bridge, stack: Stack<'static>) {
+    let (mut answers, mut stream) = (Buffers::new(), Buffers::new());
+    let mut memory = Memory::default();
+    loop {
+        let Some(mut answers) = answers.lane(stack) else { return };
+        loop {
+            let Some(mut stream) = stream.lane(stack) else { return };
+            match serve(bridge, &mut answers, &mut stream, &mut memory).await {
+                Stuck::Answers => break,
+                Stuck::Stream => {}
+            }
+        }
+    }
+}
+
+/// Hears and sends until a socket is stuck.
+async fn serve(
+    bridge: &Bridge,
+    answers: &mut Lane<'_>,
+    stream: &mut Lane<'_>,
+    Memory { last, absent }: &mut Memory,
+) -> Stuck {
+    // A command comes out of the socket that the stack has first in its list.
+    let mut received = [[0; MAX_PACKET]; 2];
+    loop {
+        let [first, second] = &mut received;
+        let sources = select4(
+            answers.socket.recv_from(first),
+            stream.socket.recv_from(second),
+            bridge.handover.packets.receive(),
+            bridge.handover.radar.receive(),
+        );
+        let (heard, bytes) = match sources.await {
+            Either4::First(heard) => (heard, &*first),
+            Either4::Second(heard) => (heard, &*second),
+            Either4::Third(packet) | Either4::Fourth(packet) => {
+                if let Some(asker) = packet.to {
+                    if !answers.send(bridge, packet.bytes(), asker).await {
+                        return Stuck::Answers;
+                    }
+                } else if let Some(host) = bridge.host() {
+                    if absent.is_some_and(|(who, until)| who == host && Instant::now() < until) {
+                        bridge.drop_packets(1);
+                    } else if !stream.send(bridge, packet.bytes(), host).await {
+                        *absent = Some((host, Instant::now() + ABSENCE));
+                        return Stuck::Stream;
+                    }
+                }
+                continue;
+            }
+        };
+        match heard {
+            Ok((length, metadata)) => {
+                hear(bridge, sender(&metadata), bytes.get(..length).unwrap_or(&[]), last);
+            }
+            Err(_) => bridge.stray(),
         }
     }
 }

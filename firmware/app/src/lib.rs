@@ -9,7 +9,7 @@
 //!                                          ^-----Handover::spare--------+                     |
 //!  UART TLV --> uart ---------------------------+                                       Handover::radar
 //!  UDP 4096, CLI UART <--> control --notices----+                                             |
-//!  LLRP/TCP <--> reader --tag reads-------------+--> Bridge::packets --> host <---------------+
+//!  LLRP/TCP <--> reader --tag reads-------------+--> Handover::packets --> host <---------------+
 //!  once a second: telemetry, watchdog ----------+                         ^
 //!                                                                         +--> UDP 4780, commands and packets
 //! ```
@@ -23,10 +23,10 @@
 //! |---|---|---|
 //! | `Handover::frames` | 1 cube | the new frame is dropped whole and counted as an overrun; the older one is finished |
 //! | `Handover::radar` | 24 packets of maps | the packet is dropped and counted; the host sees the gap |
-//! | `Bridge::packets` | 16 packets of tags, telemetry, answers | the packet is dropped and counted; the host sees the gap |
-//! | UDP 4780 out | 4 packets | waits 100 ms, then drops what cannot leave and counts it |
+//! | `Handover::packets` | 16 packets of tags, telemetry, answers | the packet is dropped and counted; the host sees the gap |
+//! | UDP 4780 out | 4 answers, 4 others | waits 100 ms, then drops what cannot leave and counts it; an absent host gets nothing for 1 s |
 //! | the driver's ring | what the board gives it | the datagram is lost, and counted by its number |
-//! | UDP 4780 in, 4096 in | 2, 4 datagrams | lost; whoever asked asks again |
+//! | UDP 4780 in, 4096 in | 2, 4 datagrams of 64 bytes | lost; whoever asked asks again |
 //! | LLRP in | 4 KiB | TCP makes the reader wait |
 //! | LLRP out | 2 KiB | the message is left out; the client's time limits notice |
 //!
@@ -57,7 +57,7 @@ mod tap;
 mod telemetry;
 mod uart;
 
-pub use board::{Board, KeepError, boot_configuration};
+pub use board::{Board, KeepError, boot_configuration, keep_configuration};
 pub use bridge::{Bridge, Parts};
 pub use control::radar_control;
 pub use dsp::spawn as spawn_dsp;
@@ -71,7 +71,7 @@ pub use uart::radar_uart;
 pub const CUBE_CELLS: usize = 2 * 72 * 12 * 64;
 
 /// Bridges in one process: one on a board, several in tests on a PC.
-const BRIDGES: usize = if cfg!(feature = "std") { 32 } else { 1 };
+const BRIDGES: usize = if cfg!(feature = "std") { 64 } else { 1 };
 
 /// The time of a bridge.
 fn now() -> rfhoi_shared::units::BridgeTime {

@@ -6,8 +6,8 @@ use embassy_net::udp::UdpMetadata;
 use embassy_net::{Config, DhcpConfig, IpAddress, IpEndpoint, Ipv4Cidr, StaticConfigV4};
 use rfhoi_shared::config::{Address, BridgeConfig, Endpoint};
 
-/// Sockets that the application opens: recorder, host, reader, and DHCP's.
-pub const SOCKETS: usize = 4;
+/// Sockets that the application opens: recorder, two for hosts, reader, and DHCP's.
+pub const SOCKETS: usize = 5;
 
 /// The IP stack's configuration.
 pub fn ip_configuration(config: &BridgeConfig) -> Config {

@@ -63,15 +63,17 @@ impl Intake {
             *cube = spare;
         }
         capture.push(now, bytes, cube, |cube, done: FrameDone| {
-            let next = match handover.spare.try_receive() {
-                Ok(spare) if cube.is_nothing() => {
-                    *overruns = overruns.wrapping_add(1);
-                    *cube = spare;
-                    return;
-                }
-                Ok(spare) => spare,
-                Err(_) if *single && !cube.is_nothing() => Cube::nothing(),
-                Err(_) => {
+            let spare = handover.spare.try_receive().ok();
+            if cube.is_nothing() {
+                // Nothing of this frame was kept; the next one may be.
+                *overruns = overruns.wrapping_add(1);
+                *cube = spare.unwrap_or(Cube::nothing());
+                return;
+            }
+            let next = match spare {
+                Some(next) => next,
+                None if *single => Cube::nothing(),
+                None => {
                     *overruns = overruns.wrapping_add(1);
                     return;
                 }

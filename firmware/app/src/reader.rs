@@ -74,18 +74,20 @@ pub(crate) async fn run(bridge: &'static Bridge, stack: Stack<'static>) {
         bridge,
     };
     loop {
-        let due = Timer::at(instant(reader.path.deadline()));
-        match select(bridge.reader_runs.wait(), due).await {
-            Either::First(on) => reader.run(on),
-            Either::Second(()) => reader.handle(ReaderInput::Tick),
-        }
-        reader.wanted.close = false;
+        // One that follows a session's end at once was asked for during that.
         if let Some(endpoint) = reader.wanted.connect.take() {
+            reader.wanted.close = false;
             let mut socket = TcpSocket::new(stack, &mut rx, &mut tx);
             socket.set_nagle_enabled(false);
             if connect(&mut reader, &mut socket, endpoint).await {
                 converse(&mut reader, &mut socket).await;
             }
+            continue;
+        }
+        let due = Timer::at(instant(reader.path.deadline()));
+        match select(bridge.reader_runs.wait(), due).await {
+            Either::First(on) => reader.run(on),
+            Either::Second(()) => reader.handle(ReaderInput::Tick),
         }
     }
 }
@@ -93,7 +95,6 @@ pub(crate) async fn run(bridge: &'static Bridge, stack: Stack<'static>) {
 /// Opens the connection; false if it could not be opened or is no longer wanted.
 async fn connect(reader: &mut Reader, socket: &mut TcpSocket<'_>, endpoint: Endpoint) -> bool {
     let bridge = reader.bridge;
-    reader.wanted.close = false;
     let mut opening = core::pin::pin!(socket.connect(remote(endpoint)));
     loop {
         let due = Timer::at(instant(reader.path.deadline()));
@@ -118,30 +119,22 @@ async fn connect(reader: &mut Reader, socket: &mut TcpSocket<'_>, endpoint: Endp
 /// Speaks on the open connection until either side closes it.
 async fn converse(reader: &mut Reader, socket: &mut TcpSocket<'_>) {
     let bridge = reader.bridge;
-    reader.wanted.close = false;
     while !reader.wanted.close {
         let due = Timer::at(instant(reader.path.deadline()));
         let waiting = !reader.wanted.bytes.is_empty();
         let (mut incoming, mut outgoing) = socket.split();
         let write =
             async { if waiting { outgoing.wait_write_ready().await } else { core::future::pending().await } };
-        let sources = select5(
-            incoming.wait_read_ready(),
-            write,
-            bridge.reader_runs.wait(),
-            due,
-            bridge.reader_tells.wait(),
-        );
-        match sources.await {
-            Either5::First(()) => {
-                let heard = incoming.read_with(|bytes| {
-                    reader.handle(ReaderInput::Received(bytes));
-                    (bytes.len(), bytes.len())
-                });
-                if !matches!(heard.await, Ok(1..)) {
-                    reader.handle(ReaderInput::Closed);
-                    break;
-                }
+        // Waits for bytes or the connection's end, where waiting for bytes alone would not notice the end.
+        let read = incoming.read_with(|bytes| {
+            reader.handle(ReaderInput::Received(bytes));
+            (bytes.len(), ())
+        });
+        match select5(read, write, bridge.reader_runs.wait(), due, bridge.reader_tells.wait()).await {
+            Either5::First(Ok(())) => {}
+            Either5::First(Err(_)) => {
+                reader.handle(ReaderInput::Closed);
+                break;
             }
             Either5::Second(()) => match outgoing.write(&reader.wanted.bytes).await {
                 Ok(written) => drop(reader.wanted.bytes.drain(..written)),
@@ -157,12 +150,17 @@ async fn converse(reader: &mut Reader, socket: &mut TcpSocket<'_>) {
     }
     // A goodbye that does not leave in time is not waited for.
     let goodbye = async {
-        while let Ok(written @ 1..) = socket.write(&reader.wanted.bytes).await {
+        while !reader.wanted.bytes.is_empty()
+            && let Ok(written) = socket.write(&reader.wanted.bytes).await
+        {
             reader.wanted.bytes.drain(..written);
         }
         socket.close();
         socket.flush().await
     };
-    let _ = with_timeout(FAREWELL, goodbye).await;
-    socket.abort();
+    if with_timeout(FAREWELL, goodbye).await.is_err() {
+        // The reader learns it from the reset, which leaves with the flush.
+        socket.abort();
+        let _ = with_timeout(FAREWELL, socket.flush()).await;
+    }
 }

@@ -13,7 +13,8 @@ use super::command::{Answer, Code, Command, Lanes, MAX_COMMAND};
 
 /// Wait for an answer, us; the FPGA answers within milliseconds.
 const ANSWER_US: u64 = 300_000;
-/// Times that a command is sent before the recorder counts as absent; after its mode is set it is deaf for a while.
+/// Times that a command is sent before the recorder counts as absent. After its mode is set it is deaf for a while; and
+/// after a start the IP stack looks up one address a second, of which the recorder's may be the third.
 const TRIES: u8 = 10;
 /// Bytes of a datagram that TI's tools ask for; the FPGA then sends 1466, of which 1456 are samples.
 const PACKET_BYTES: u16 = 1470;
