@@ -10,8 +10,8 @@ use crate::{HOST, RUNNING, setup};
 /// A wait of 5 s, program and calibration of 2.0 s, and the next telemetry's second; the bridge sees data when it looks, every
 /// 0.5 s; s.
 const BACK: f64 = 5.0 + 2.0 + 0.5 + 1.1;
-/// A stop waits for the console's answer and the recorder's: 1 s and eight times 0.3 s where there are none; s.
-const STOP: f64 = 1.05 + 8.0 * 0.3 + 1.1;
+/// A stop waits for the console's answer and the recorder's: 1 s and ten times 0.3 s where there are none; s.
+const STOP: f64 = 1.05 + 10.0 * 0.3 + 1.1;
 
 async fn takes(rig: &Rig, host: &NetworkHost, state: RadarState, most: f64) -> f64 {
     let from = rig.seconds();

@@ -7,6 +7,7 @@ use rfhoi_bridge::{Board, KeepError};
 use rfhoi_shared::wire::RestartReason;
 
 use crate::keep::Record;
+use crate::restart::LastWords;
 use crate::temperature::Thermometer;
 use crate::{idle, restart, stack};
 
@@ -18,8 +19,9 @@ pub const WATCHDOG_US: u32 = 8_000_000;
 pub struct Nucleo {
     /// Made from the chip's number by [`mac_address`].
     pub id: [u8; 6],
-    /// From [`restart::take`].
+    /// From [`restart::take`], as what follows.
     pub restart_reason: RestartReason,
+    pub last_words: Option<LastWords>,
     pub random: Rng<'static, peripherals::RNG>,
     pub watchdog: IndependentWatchdog<'static, IWDG1>,
     pub thermometer: Thermometer,
@@ -43,6 +45,10 @@ impl Board for Nucleo {
 
     fn restart_reason(&self) -> RestartReason {
         self.restart_reason
+    }
+
+    fn last_words(&self) -> &str {
+        self.last_words.as_ref().map_or("", LastWords::text)
     }
 
     fn feed_watchdog(&mut self) {

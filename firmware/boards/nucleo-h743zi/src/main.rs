@@ -58,7 +58,7 @@ fn main() -> ! {
     let memory = defmt::unwrap!(Memory::take(&mut core, revision));
     let (restart_reason, last_words) = restart::take();
     defmt::info!("revision {}, {}", revision, restart_reason);
-    if let Some(words) = last_words {
+    if let Some(words) = &last_words {
         defmt::error!("the run before ended by: {}", words.text());
     }
 
@@ -71,13 +71,14 @@ fn main() -> ! {
     let board = BOARD.init(Nucleo {
         id: board::mac_address(uid::uid()),
         restart_reason,
+        last_words,
         random: Rng::new(p.RNG, Irqs),
         watchdog,
         thermometer: Thermometer::new(p.ADC3),
         record: keep::Record::new(p.FLASH),
         stack_used: 0,
     });
-    let config = rfhoi_bridge::boot_configuration(board, size_of_val(memory.cubes) as u32);
+    let config = rfhoi_bridge::boot_configuration(board);
     let boot = restart::number(board.seed());
 
     let (mut console, mut data) = (usart::Config::default(), usart::Config::default());
