@@ -132,7 +132,8 @@ fn an_absent_recorder_is_told_and_looked_for_again() {
     let mut world = World::new(raw());
     world.recorder_answers = false;
     world.give(ControlInput::Start);
-    world.pass(2);
+    // Eight attempts of 0.3 s.
+    world.pass(3);
     assert_eq!(world.control.state(), RadarState::Waiting);
     assert!(world.notices[0].contains("does not answer SystemConnect"), "{:?}", world.notices);
     assert!(!world.lines.contains(&"sensorStart".into()));
