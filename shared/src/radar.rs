@@ -350,7 +350,7 @@ impl RadarProfile {
 
     /// The gate that reaches from bin 0 past `depth`: at most all bins.
     pub fn gate_to(&self, depth: Metres) -> RangeGate {
-        let bins = libm::ceilf(depth.0 / self.range_bin().0).clamp(1.0, f32::from(self.range_bins()));
+        let bins = libm::ceilf(depth.0 / self.range_bin().0).max(1.0).min(self.range_bins().into());
         RangeGate { first: 0, bins: bins as u16 }
     }
 

@@ -18,8 +18,9 @@ const RESTART: f64 = 0.4;
 async fn configuration(host: &NetworkHost) -> BridgeConfig {
     assert_eq!(host.insist(Request::GetConfig).await, Some(Ok(())));
     let received = host.received();
-    let configs = received.iter().filter_map(|r| if let Received::Config(c) = r { Some(c) } else { None });
-    configs.last().expect("it came before its acknowledgement").clone()
+    let mut configs =
+        received.iter().filter_map(|r| if let Received::Config(c) = r { Some(c) } else { None });
+    configs.next_back().expect("it came before its acknowledgement").clone()
 }
 
 /// Stops radar and reader, and waits until they are.

@@ -72,8 +72,7 @@ fn packets(seed: u64) -> Vec<Arrival> {
         rig.switch.set_conditions(rig.outlets.bridge, 0, lossy);
         while host.ask(Request::Hello).await.is_none() {}
         rig.until(6.0).await;
-        let packets = host.packets().to_vec();
-        packets
+        host.packets().to_vec()
     })
 }
 

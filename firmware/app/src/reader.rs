@@ -27,6 +27,14 @@ struct Wanted {
     bytes: Vec<u8, OUT>,
 }
 
+impl Wanted {
+    /// Takes away the first bytes, which were written.
+    fn wrote(&mut self, written: usize) {
+        let rest = self.bytes.get(written..).and_then(|rest| Vec::from_slice(rest).ok());
+        self.bytes = rest.unwrap_or_default();
+    }
+}
+
 struct Reader {
     path: ReaderPath<MAX_MESSAGE_BYTES>,
     uplink: Uplink,
@@ -137,7 +145,7 @@ async fn converse(reader: &mut Reader, socket: &mut TcpSocket<'_>) {
                 break;
             }
             Either5::Second(()) => match outgoing.write(&reader.wanted.bytes).await {
-                Ok(written) => drop(reader.wanted.bytes.drain(..written)),
+                Ok(written) => reader.wanted.wrote(written),
                 Err(_) => {
                     reader.handle(ReaderInput::Closed);
                     break;
@@ -153,7 +161,7 @@ async fn converse(reader: &mut Reader, socket: &mut TcpSocket<'_>) {
         while !reader.wanted.bytes.is_empty()
             && let Ok(written) = socket.write(&reader.wanted.bytes).await
         {
-            reader.wanted.bytes.drain(..written);
+            reader.wanted.wrote(written);
         }
         socket.close();
         socket.flush().await

@@ -11,6 +11,8 @@
 //! sequence 1 and byte 0; if that very datagram is lost, a run of datagrams that follow each other, but not the stream,
 //! is taken as a restart.
 
+use core::num::NonZeroU64;
+
 use rfhoi_shared::radar::RadarProfile;
 use rfhoi_shared::wire::{DatagramCounts, FrameCounts};
 
@@ -251,7 +253,8 @@ impl<const ROW: usize> Reassembly<ROW> {
     fn start_at(&mut self, datagram: &Datagram<'_>, on_event: &mut impl FnMut(Event<'_>)) {
         self.full = 0;
         self.seen = 0;
-        self.skip(datagram.byte_count % u64::from(self.frame_bytes()), on_event);
+        let Some(frame_bytes) = NonZeroU64::new(self.frame_bytes().into()) else { return };
+        self.skip(datagram.byte_count % frame_bytes, on_event);
     }
 
     /// Appends samples.
@@ -274,9 +277,10 @@ impl<const ROW: usize> Reassembly<ROW> {
 
     /// Appends `bytes` zeros, whole frames at once.
     fn skip(&mut self, mut bytes: u64, on_event: &mut impl FnMut(Event<'_>)) {
-        let frame_bytes = u64::from(self.frame_bytes());
+        // Never zero, by `new`.
+        let Some(frame_bytes) = NonZeroU64::new(self.frame_bytes().into()) else { return };
         while bytes > 0 {
-            if !self.in_frame && bytes >= frame_bytes {
+            if !self.in_frame && bytes >= frame_bytes.get() {
                 let frames = u32::try_from(bytes / frame_bytes).unwrap_or(u32::MAX);
                 bump(&mut self.frames.lost, frames);
                 self.frame = self.frame.wrapping_add(frames);

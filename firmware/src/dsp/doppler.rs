@@ -5,6 +5,8 @@
 //! bins -1, 0 and 1 are not zero. So a row needs no pass of its own for its mean, and none for its removal. Where chirps were
 //! lost their weight is zero, W has no zeros, and all bins are corrected: a lost chirp does not bring the clutter back.
 
+use core::num::NonZeroUsize;
+
 use num_complex::{Complex, Complex32};
 use rfhoi_shared::config::{ClutterRemoval, RadarConfig};
 use rfhoi_shared::radar::{MAX_GATE_BINS, MAX_LOOPS, MAX_TX_SLOTS, MAX_VIRTUAL};
@@ -65,8 +67,8 @@ pub struct DopplerStage {
     background_empty: bool,
     loops: usize,
     virtuals: usize,
-    receivers: usize,
-    columns: usize,
+    receivers: NonZeroUsize,
+    columns: NonZeroUsize,
 }
 
 impl Default for DopplerStage {
@@ -93,8 +95,8 @@ impl DopplerStage {
             background_empty: true,
             loops: 0,
             virtuals: 0,
-            receivers: 1,
-            columns: 1,
+            receivers: NonZeroUsize::MIN,
+            columns: NonZeroUsize::MIN,
         }
     }
 
@@ -103,8 +105,9 @@ impl DopplerStage {
         let RadarConfig { profile, processing, .. } = config;
         self.loops = usize::from(profile.loops).min(MAX_LOOPS);
         self.virtuals = profile.virtual_count().min(MAX_VIRTUAL);
-        self.receivers = profile.rx_count().max(1);
-        self.columns = usize::from(processing.range_time_columns).clamp(1, self.loops.max(1));
+        self.receivers = NonZeroUsize::new(profile.rx_count()).unwrap_or(NonZeroUsize::MIN);
+        let columns = usize::from(processing.range_time_columns).min(self.loops);
+        self.columns = NonZeroUsize::new(columns).unwrap_or(NonZeroUsize::MIN);
         self.clutter = processing.clutter;
         self.background_empty = true;
         if let ClutterRemoval::Background { time_constant } = processing.clutter {
@@ -125,7 +128,7 @@ impl DopplerStage {
                 *scale = stored.unwrap_or(0.0);
             }
         }
-        let rows = scales.chunks(*receivers).zip(factors.chunks_mut(*receivers));
+        let rows = scales.chunks(receivers.get()).zip(factors.chunks_mut(receivers.get()));
         for (slot, (scales, factors)) in slots.iter_mut().zip(rows) {
             // The receivers of a chirp come or are lost together.
             let Some(first) = scales.first() else { continue };
@@ -150,7 +153,7 @@ impl DopplerStage {
     /// Computes the rows of range bin `bin` of `cube` and adds its moving cells to the covariance.
     pub fn range_bin(&mut self, cube: &Cube<'_>, bin: usize) -> Row<'_> {
         let (loops, columns) = (self.loops, self.columns);
-        let time = self.time.get_mut(..columns).unwrap_or(&mut []);
+        let time = self.time.get_mut(..columns.get()).unwrap_or(&mut []);
         time.fill(0.0);
         let mut timed = 0;
         for v in 0..self.virtuals {
@@ -193,7 +196,7 @@ impl DopplerStage {
                 }
             }
         }
-        let mean_over_loops = columns as f32 / (loops * timed).max(1) as f32;
+        let mean_over_loops = columns.get() as f32 / (loops * timed).max(1) as f32;
         for time in &mut *time {
             *time *= mean_over_loops;
         }

@@ -1,5 +1,7 @@
 //! Which range-Doppler cells move, and their spatial covariance.
 
+use core::num::NonZeroUsize;
+
 use num_complex::Complex32;
 use rfhoi_shared::radar::{MAX_LOOPS, MAX_VIRTUAL, RadarProfile};
 use rfhoi_shared::wire::MAX_COVARIANCE;
@@ -22,7 +24,7 @@ pub struct MovingCells {
     cells: u32,
     loops: usize,
     virtuals: usize,
-    receivers: usize,
+    receivers: NonZeroUsize,
     threshold: f32,
     guard: usize,
 }
@@ -35,7 +37,7 @@ impl MovingCells {
             cells: 0,
             loops: 0,
             virtuals: 0,
-            receivers: 1,
+            receivers: NonZeroUsize::MIN,
             threshold: 0.0,
             guard: 0,
         }
@@ -45,7 +47,7 @@ impl MovingCells {
     pub(super) fn configure(&mut self, profile: &RadarProfile, detection_db: f32, guard: u8) {
         self.loops = usize::from(profile.loops).min(MAX_LOOPS);
         self.virtuals = profile.virtual_count().min(MAX_VIRTUAL);
-        self.receivers = profile.rx_count().max(1);
+        self.receivers = NonZeroUsize::new(profile.rx_count()).unwrap_or(NonZeroUsize::MIN);
         self.threshold = level::power_of_db(detection_db);
         self.guard = guard.into();
         let step = -core::f32::consts::TAU / (profile.tx_slots().max(1) * self.loops.max(1)) as f32;
@@ -89,7 +91,8 @@ impl MovingCells {
         let step = self.compensation.get(bin).copied().unwrap_or_default();
         let mut turn = Complex32::new(1.0, 0.0);
         let mut snapshot = [Complex32::default(); MAX_VIRTUAL];
-        let slots = snapshot.chunks_mut(self.receivers).zip(spectra.chunks(self.receivers));
+        let receivers = self.receivers.get();
+        let slots = snapshot.chunks_mut(receivers).zip(spectra.chunks(receivers));
         for (snapshot, spectra) in slots {
             for (x, spectrum) in snapshot.iter_mut().zip(spectra) {
                 *x = spectrum.get(bin).copied().unwrap_or_default() * turn;

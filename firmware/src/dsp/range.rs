@@ -1,5 +1,7 @@
 //! Chirps to gated range spectra.
 
+use core::num::NonZeroUsize;
+
 use num_complex::Complex32;
 use rfhoi_shared::radar::{MAX_SAMPLES, RadarProfile, RangeGate, SampleFormat};
 
@@ -16,7 +18,7 @@ pub struct RangeStage {
     work: [Complex32; MAX_SAMPLES],
     samples: usize,
     receivers: usize,
-    slots: usize,
+    slots: NonZeroUsize,
     format: SampleFormat,
     gate: RangeGate,
 }
@@ -35,7 +37,7 @@ impl RangeStage {
             work: [Complex32::new(0.0, 0.0); MAX_SAMPLES],
             samples: 0,
             receivers: 0,
-            slots: 1,
+            slots: NonZeroUsize::MIN,
             format: SampleFormat::Real,
             gate: RangeGate { first: 0, bins: 0 },
         }
@@ -45,7 +47,7 @@ impl RangeStage {
     pub fn configure(&mut self, profile: &RadarProfile, gate: RangeGate) {
         self.samples = usize::from(profile.samples).min(MAX_SAMPLES);
         self.receivers = profile.rx_count();
-        self.slots = profile.tx_slots().max(1);
+        self.slots = NonZeroUsize::new(profile.tx_slots()).unwrap_or(NonZeroUsize::MIN);
         self.format = profile.format;
         self.gate = gate;
         // Half of a real tone's power is at negative frequencies.

@@ -1,6 +1,7 @@
 //! Decimal numbers as integers of a chosen resolution: `57.14` us is exactly 57 140 ns.
 
 use core::fmt;
+use core::num::NonZeroU64;
 
 /// `text` times 10^`decimals`, rounded half away from zero where it has more digits than that.
 ///
@@ -33,23 +34,26 @@ pub(super) struct Decimal {
     /// The integer.
     pub(super) value: u32,
     /// Its resolution.
-    pub(super) decimals: u32,
+    pub(super) decimals: u8,
 }
 
 impl fmt::Display for Decimal {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let scale = 10u64.pow(self.decimals);
         let value = u64::from(self.value);
+        let Some(scale) = 10u64.checked_pow(self.decimals.into()).and_then(NonZeroU64::new) else {
+            return Err(fmt::Error);
+        };
         let mut fraction = value % scale;
         write!(f, "{}", value / scale)?;
         if fraction == 0 {
             return Ok(());
         }
-        let mut width = self.decimals as usize;
+        let mut width = self.decimals;
         while fraction.is_multiple_of(10) {
             fraction /= 10;
-            width -= 1;
+            width = width.saturating_sub(1);
         }
+        let width = usize::from(width);
         write!(f, ".{fraction:0width$}")
     }
 }
@@ -95,9 +99,9 @@ mod tests {
 
     proptest! {
         #[test]
-        fn shown_numbers_read_back(value: u32, decimals in 0u32..=9) {
+        fn shown_numbers_read_back(value: u32, decimals in 0u8..=9) {
             let text = format!("{}", Decimal { value, decimals });
-            prop_assert_eq!(parse(&text, decimals as usize), Some(i64::from(value)));
+            prop_assert_eq!(parse(&text, decimals.into()), Some(i64::from(value)));
         }
 
         #[test]

@@ -112,13 +112,17 @@ impl<const N: usize> StreamParser<N> {
     /// Moves bytes from `input` to the buffer until the window has `wanted`.
     fn fill(&mut self, wanted: usize, input: &mut &[u8]) {
         if self.start.saturating_add(wanted) > N {
-            self.buffer.copy_within(self.start..self.end, 0);
-            self.end -= self.start;
+            if let Some(window) = self.buffer.get_mut(..self.end)
+                && self.start <= window.len()
+            {
+                window.copy_within(self.start.., 0);
+            }
+            self.end = self.end.saturating_sub(self.start);
             self.start = 0;
         }
-        let missing = wanted.saturating_sub(self.end - self.start);
+        let missing = wanted.saturating_sub(self.end.saturating_sub(self.start));
         let (taken, rest) = input.split_at_checked(missing).unwrap_or((*input, &[]));
-        if let Some(free) = self.buffer.get_mut(self.end..self.end.saturating_add(taken.len())) {
+        if let Some(free) = self.buffer.get_mut(self.end..).and_then(|free| free.get_mut(..taken.len())) {
             free.copy_from_slice(taken);
             self.end += taken.len();
         }
