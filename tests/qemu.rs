@@ -115,8 +115,9 @@ fn say(words: &str) {
 /// Waits until the radar listens.
 fn wait_for_radar(machine: &mut Machine) {
     let listens = |t: &Telemetry| matches!(t.radar, RadarState::Silent | RadarState::Streaming);
-    machine.wait("the radar's start", |m| m.host.telemetry().last().is_some_and(listens));
-    assert!(machine.console.is_started());
+    machine.wait("the radar's start", |m| {
+        m.console.is_started() && m.host.telemetry().last().is_some_and(listens)
+    });
 }
 
 /// Streams `count` frames of `config`, which is in force since the last start, without a loss, and compares them with a

@@ -5,7 +5,7 @@ use rfhoi_shared::radar::RangeGate;
 use rfhoi_shared::tag::TagRead;
 use rfhoi_shared::units::BridgeTime;
 use rfhoi_shared::wire::{
-    LogScale, MAX_MAP_BYTES, MAX_PACKET, MAX_READS, MapKind, MapRows, Message, Sequencer, Stream,
+    self, LogScale, MAX_MAP_BYTES, MAX_PACKET, MAX_READS, MapKind, MapRows, Message, Sequencer, Stream,
 };
 
 use crate::dsp::level;
@@ -32,8 +32,8 @@ impl Uplink {
         mut send: impl FnMut(Stream, &[u8]) -> bool,
     ) {
         let stream = message.stream();
-        let packet = self.sequencer.wrap(time, message);
-        let taken = packet.encode(&mut self.buffer).is_ok_and(|bytes| send(stream, bytes));
+        let header = self.sequencer.header(time, stream);
+        let taken = wire::encode(&header, &message, &mut self.buffer).is_ok_and(|bytes| send(stream, bytes));
         self.unsent = self.unsent.wrapping_add(u32::from(!taken));
     }
 

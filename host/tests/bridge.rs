@@ -181,6 +181,7 @@ impl Firmware {
         if repeated.is_none() && outcome.is_ok() {
             behaviour.done.push(match &request {
                 Request::Hello => "hello",
+                Request::Identify => "identify",
                 Request::GetConfig => "get",
                 Request::Configure(_) => "configure",
                 Request::Start => "start",
@@ -192,10 +193,11 @@ impl Firmware {
                 Request::Start => self.running = true,
                 Request::Stop => self.running = false,
                 Request::Configure(config) => self.config = config.clone(),
-                Request::GetConfig | Request::Restart => {}
+                Request::GetConfig | Request::Restart | Request::Identify => {}
             }
         }
-        let lost = behaviour.mute > 0 && !matches!(request, Request::Hello | Request::GetConfig);
+        let lost =
+            behaviour.mute > 0 && !matches!(request, Request::Hello | Request::Identify | Request::GetConfig);
         behaviour.mute -= u32::from(lost);
         if !lost {
             self.answer(from, id, &request, outcome, behaviour.notice);
@@ -217,7 +219,7 @@ impl Firmware {
         notice: Option<&str>,
     ) {
         match request {
-            Request::Hello => {
+            Request::Hello | Request::Identify => {
                 let hello = Hello {
                     board: "simulated".try_into().unwrap(),
                     id: [2, 0, 0, 0, 0, 9],
@@ -333,7 +335,7 @@ fn get_change_and_set() {
     assert_eq!((&changed["changed"], &changed["board"]), (&true.into(), &"simulated".into()));
     let done = bridge.done();
     let end: Vec<_> = done.iter().skip_while(|d| **d != "stop").collect();
-    assert_eq!(end, [&"stop", &"configure", &"hello", &"get"]);
+    assert_eq!(end, [&"stop", &"configure", &"identify", &"get"]);
     assert_eq!(json(&["get", &address])["scene"]["depth_m"], 2.0);
 }
 
@@ -362,7 +364,7 @@ fn start_stop_and_restart() {
     assert_eq!(json(&["restart", &address])["board"], "simulated");
     let shown = json(&["show", &address, "--seconds", "0.3"]);
     assert_eq!(shown["telemetry"][0]["restart_reason"], "command or new configuration");
-    assert_eq!(bridge.done()[..2], ["stop", "hello"]);
+    assert_eq!(bridge.done()[..2], ["stop", "identify"]);
 }
 
 #[test]

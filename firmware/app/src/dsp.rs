@@ -21,6 +21,8 @@ const HEARTBEAT: Duration = Duration::from_millis(500);
 ///
 /// # Errors
 /// If it runs already.
+// The task is made on the stack, and `main`, which calls this, never gives its frame back.
+#[inline(never)]
 pub fn spawn(
     spawner: Spawner,
     handover: &'static Handover,
@@ -43,14 +45,13 @@ async fn run(handover: &'static Handover, config: RadarConfig, boot: u16, stage:
             Either::Second(()) => continue,
         };
         let mut send = |_, bytes: &[u8]| handover.send(bytes);
-        mapping.begin(&cube, done);
+        mapping.begin(cube, done);
         // A board that runs everything on one executor gets to its other tasks in between.
-        while mapping.range_bin(&cube, &mut uplink, &mut send) {
+        while mapping.range_bin(cube, &mut uplink, &mut send) {
             yield_now().await;
         }
         mapping.finish(now(), &mut uplink, &mut send);
         handover.unsent.store(uplink.unsent(), Ordering::Relaxed);
-        handover.processed.fetch_add(1, Ordering::Relaxed);
         // There are two cubes at most and this is one of them: there is room.
         let _ = handover.spare.try_send(cube);
     }

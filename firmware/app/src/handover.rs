@@ -6,6 +6,7 @@ use embassy_sync::blocking_mutex::raw::CriticalSectionRawMutex;
 use embassy_sync::channel::Channel;
 use rfhoi_firmware::bridge::FrameDone;
 use rfhoi_firmware::dsp::Cube;
+use static_cell::StaticCell;
 
 use crate::packet::Outgoing;
 
@@ -16,12 +17,14 @@ const RADAR_PACKETS: usize = 24;
 const PACKETS: usize = 16;
 
 /// A complete frame on its way to signal processing.
-pub(crate) type Frame = (Cube<'static>, FrameDone);
+pub(crate) type Frame = (&'static mut Cube<'static>, FrameDone);
 
-/// The channels, all bounded. A board places it where it likes: 60 KiB, all zeros at first.
+/// The channels, all bounded. A board places it where it likes: 70 KiB, all zeros at first.
 pub struct Handover {
     pub(crate) frames: Channel<CriticalSectionRawMutex, Frame, 1>,
-    pub(crate) spare: Channel<CriticalSectionRawMutex, Cube<'static>, 1>,
+    pub(crate) spare: Channel<CriticalSectionRawMutex, &'static mut Cube<'static>, 1>,
+    /// Two cubes, and one that holds nothing.
+    pub(crate) cubes: [StaticCell<Cube<'static>>; 3],
     pub(crate) radar: Channel<CriticalSectionRawMutex, Outgoing, RADAR_PACKETS>,
     /// Used by the executor in the interrupt alone; it is here to lie where the board wants its queues.
     pub(crate) packets: Channel<CriticalSectionRawMutex, Outgoing, PACKETS>,
@@ -29,8 +32,6 @@ pub struct Handover {
     pub(crate) host: AtomicBool,
     /// Packets of maps that did not fit.
     pub(crate) unsent: AtomicU32,
-    /// Frames processed.
-    pub(crate) processed: AtomicU32,
     /// Thread mode has run since the watchdog was last fed.
     pub(crate) alive: AtomicBool,
 }
@@ -41,11 +42,11 @@ impl Handover {
         Self {
             frames: Channel::new(),
             spare: Channel::new(),
+            cubes: [const { StaticCell::new() }; 3],
             radar: Channel::new(),
             packets: Channel::new(),
             host: AtomicBool::new(false),
             unsent: AtomicU32::new(0),
-            processed: AtomicU32::new(0),
             alive: AtomicBool::new(false),
         }
     }

@@ -39,6 +39,7 @@ struct Buffers {
 }
 
 impl Buffers {
+    #[inline(always)]
     const fn new() -> Self {
         Self {
             in_metadata: [PacketMetadata::EMPTY; PACKETS_IN],
@@ -96,7 +97,9 @@ struct Memory {
 
 #[embassy_executor::task(pool_size = BRIDGES)]
 pub(crate) async fn run(bridge: &'static Bridge, stack: Stack<'static>) {
-    let (mut answers, mut stream) = (Buffers::new(), Buffers::new());
+    // One by one, or they are made on the stack.
+    let mut answers = Buffers::new();
+    let mut stream = Buffers::new();
     let mut memory = Memory::default();
     loop {
         let Some(mut answers) = answers.lane(stack) else { return };

@@ -6,7 +6,6 @@ use embassy_net::tcp::TcpSocket;
 use embassy_time::{Duration, Timer, with_timeout};
 use heapless::Vec;
 use rfhoi_firmware::bridge::{ReaderAction, ReaderInput, ReaderPath};
-use rfhoi_firmware::llrp::client::MAX_MESSAGE_BYTES;
 use rfhoi_firmware::uplink::Uplink;
 use rfhoi_shared::config::Endpoint;
 
@@ -14,6 +13,8 @@ use crate::bridge::Bridge;
 use crate::net::remote;
 use crate::{BRIDGES, instant, now};
 
+/// Bytes of a message, at most: twice the capabilities of a Speedway R420; longer ones are skipped and counted.
+const MESSAGE: usize = 4096;
 /// Bytes of requests that wait for the connection.
 const OUT: usize = 2048;
 /// How long the last bytes of a connection may take to leave.
@@ -36,7 +37,7 @@ impl Wanted {
 }
 
 struct Reader {
-    path: ReaderPath<MAX_MESSAGE_BYTES>,
+    path: ReaderPath<MESSAGE>,
     uplink: Uplink,
     wanted: Wanted,
     bridge: &'static Bridge,

@@ -56,24 +56,24 @@ impl<const ROW: usize> Capture<ROW> {
     }
 
     /// Takes a UDP payload that arrived at `now`; `on_frame` is called with the cube of a frame that it completed, and
-    /// must leave a cube of the same shape.
-    pub fn push<'m>(
+    /// must leave a cube of the same shape, or [`Cube::nothing`]. `C` is a cube or a borrow of one.
+    pub fn push<'m, C: BorrowMut<Cube<'m>>>(
         &mut self,
         now: BridgeTime,
         datagram: &[u8],
-        cube: &mut Cube<'m>,
-        mut on_frame: impl FnMut(&mut Cube<'m>, FrameDone),
+        cube: &mut C,
+        mut on_frame: impl FnMut(&mut C, FrameDone),
     ) {
         let Self { reassembly, filling } = self;
         reassembly.push(datagram, |event| filling.take(now, event, cube, &mut on_frame));
     }
 
     /// Ends the frame under way, as when the radar stops.
-    pub fn finish<'m>(
+    pub fn finish<'m, C: BorrowMut<Cube<'m>>>(
         &mut self,
         now: BridgeTime,
-        cube: &mut Cube<'m>,
-        mut on_frame: impl FnMut(&mut Cube<'m>, FrameDone),
+        cube: &mut C,
+        mut on_frame: impl FnMut(&mut C, FrameDone),
     ) {
         let Self { reassembly, filling } = self;
         reassembly.finish(|event| filling.take(now, event, cube, &mut on_frame));
@@ -96,28 +96,33 @@ impl<const ROW: usize> Capture<ROW> {
 }
 
 impl Filling {
-    fn take<'m>(
+    fn take<'m, C: BorrowMut<Cube<'m>>>(
         &mut self,
         now: BridgeTime,
         event: Event<'_>,
-        cube: &mut Cube<'m>,
-        on_frame: &mut impl FnMut(&mut Cube<'m>, FrameDone),
+        cube: &mut C,
+        on_frame: &mut impl FnMut(&mut C, FrameDone),
     ) {
         match event {
             Event::FrameStart { .. } => {
                 self.started = now;
                 self.clipped = 0;
-                cube.clear();
+                cube.borrow_mut().clear();
             }
             Event::Row { chirp, receiver, bytes, intact } => {
                 if receiver == 0 {
                     self.clipped_before = self.clipped;
                 }
                 if intact {
-                    self.clipped = self.clipped.saturating_add(self.range.row(chirp, receiver, bytes, cube));
+                    self.clipped = self.clipped.saturating_add(self.range.row(
+                        chirp,
+                        receiver,
+                        bytes,
+                        cube.borrow_mut(),
+                    ));
                 } else {
                     // A chirp with a hole is worth nothing: the receivers are compared with each other.
-                    self.range.take_back(chirp, cube);
+                    self.range.take_back(chirp, cube.borrow_mut());
                     self.clipped = self.clipped_before;
                 }
             }

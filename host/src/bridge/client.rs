@@ -6,7 +6,7 @@ use std::net::{Ipv4Addr, SocketAddr, SocketAddrV4, UdpSocket};
 use std::time::{Duration, Instant};
 
 use rfhoi_shared::config::{Address, BridgeConfig};
-use rfhoi_shared::wire::{Hello, MAX_PACKET, Message, Request};
+use rfhoi_shared::wire::{Hello, MAX_PACKET, Message, Refusal, Request};
 
 use super::BridgeError;
 use super::conversation::{Answer, Conversation, Failure, Outcome, Step};
@@ -15,6 +15,8 @@ use super::discovery;
 /// Longest wait for a datagram before Ctrl-C is looked for.
 const TICK: Duration = Duration::from_millis(100);
 /// How long a bridge may take to come back after a restart: erasing and writing its configuration, starting, and an
+/// How long radar and reader may take to stop: command line, recorder and reader each wait for an answer.
+const STOPPING: Duration = Duration::from_secs(8);
 /// address by DHCP.
 const COMEBACK: Duration = Duration::from_secs(20);
 /// From one search for a restarted bridge to the next.
@@ -170,7 +172,19 @@ impl Client {
     /// # Errors
     /// As [`Self::ask`].
     pub fn hello(&mut self, go_on: &mut dyn FnMut(f64) -> bool) -> Result<Hello, BridgeError> {
-        let answer = self.ask(Request::Hello, go_on)?;
+        self.who(Request::Hello, go_on)
+    }
+
+    /// Who the bridge is; it sends where it did before.
+    ///
+    /// # Errors
+    /// As [`Self::ask`].
+    pub fn identify(&mut self, go_on: &mut dyn FnMut(f64) -> bool) -> Result<Hello, BridgeError> {
+        self.who(Request::Identify, go_on)
+    }
+
+    fn who(&mut self, request: Request, go_on: &mut dyn FnMut(f64) -> bool) -> Result<Hello, BridgeError> {
+        let answer = self.ask(request, go_on)?;
         // The conversation answers with a hello or not at all.
         answer.hello.ok_or(BridgeError::Unanswered { peer: self.peer })
     }
@@ -207,7 +221,7 @@ impl Client {
     /// # Errors
     /// As [`Self::ask`], or [`BridgeError::NotBack`].
     pub fn restart(&mut self, go_on: &mut dyn FnMut(f64) -> bool) -> Result<Hello, BridgeError> {
-        let before = self.hello(go_on)?;
+        let before = self.identify(go_on)?;
         let boot = self.conversation.boot();
         let answer = self.ask(Request::Restart, go_on)?;
         self.wait_until_back(&before, boot.unwrap_or(answer.boot), &[], go_on)
@@ -225,7 +239,20 @@ impl Client {
         go_on: &mut dyn FnMut(f64) -> bool,
     ) -> Result<Hello, BridgeError> {
         let answer = self.ask(Request::Stop, go_on)?;
-        self.ask(Request::Configure(config.clone()), go_on)?;
+        let began = Instant::now();
+        loop {
+            match self.ask(Request::Configure(config.clone()), go_on) {
+                Ok(_) => break,
+                // Radar and reader take their time to stop.
+                Err(BridgeError::Refused { refusal: Refusal::Busy, .. }) if began.elapsed() < STOPPING => {
+                    std::thread::sleep(TICK);
+                    if !go_on(0.0) {
+                        return Err(BridgeError::Interrupted);
+                    }
+                }
+                Err(error) => return Err(error),
+            }
+        }
         let elsewhere = match config.address {
             Address::Static { address, .. } if Ipv4Addr::from(address) == *self.peer.ip() => vec![],
             Address::Static { address, .. } => {

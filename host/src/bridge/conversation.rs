@@ -32,7 +32,7 @@ pub struct Answer {
     pub outcome: Outcome,
     /// Boot number of the bridge that answered.
     pub boot: u16,
-    /// Who the bridge is, in answer to [`Request::Hello`].
+    /// Who the bridge is, in answer to [`Request::Hello`] or [`Request::Identify`].
     pub hello: Option<Hello>,
     /// The configuration in force, in answer to [`Request::GetConfig`].
     pub config: Option<BridgeConfig>,
@@ -91,7 +91,7 @@ impl Pending {
     fn is_answered(&self) -> bool {
         match (self.outcome, &self.request) {
             (None, _) => false,
-            (Some((Outcome::Done, _)), Request::Hello) => self.hello.is_some(),
+            (Some((Outcome::Done, _)), Request::Hello | Request::Identify) => self.hello.is_some(),
             (Some((Outcome::Done, _)), Request::GetConfig) => self.config.is_some(),
             (Some(_), _) => true,
         }

@@ -68,7 +68,7 @@ pub fn discover(
             let mut refused = None;
             let mut sent = false;
             for (conversation, &target) in conversations.iter_mut().zip(targets) {
-                match socket.send(target, &conversation.datagram(Request::Hello, now)) {
+                match socket.send(target, &conversation.datagram(Request::Identify, now)) {
                     Ok(()) => sent = true,
                     // One of several networks may be down.
                     Err(error) => refused = refused.or(Some(error)),

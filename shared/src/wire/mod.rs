@@ -135,9 +135,7 @@ impl<'a> Packet<'a> {
     /// # Errors
     /// [`WireError::TooLong`] if it does not fit.
     pub fn encode<'b>(&self, buffer: &'b mut [u8]) -> Result<&'b [u8], WireError> {
-        let room = buffer.len().min(MAX_PACKET);
-        let buffer = buffer.get_mut(..room).ok_or(WireError::TooLong)?;
-        postcard::to_slice(self, buffer).map(|b| &*b).map_err(|_| WireError::TooLong)
+        encode(&self.header, &self.message, buffer)
     }
 
     /// Reads a packet that is all of `bytes`.
@@ -161,6 +159,22 @@ impl<'a> Packet<'a> {
     }
 }
 
+/// Writes the packet of `header` and `message` to `buffer` and returns the written part. A message is large: on a device it
+/// is better not copied into a [`Packet`].
+///
+/// # Errors
+/// [`WireError::TooLong`] if it does not fit.
+pub fn encode<'b>(
+    header: &Header,
+    message: &Message<'_>,
+    buffer: &'b mut [u8],
+) -> Result<&'b [u8], WireError> {
+    let room = buffer.len().min(MAX_PACKET);
+    let buffer = buffer.get_mut(..room).ok_or(WireError::TooLong)?;
+    // The fields of a struct and of a tuple are written alike.
+    postcard::to_slice(&(header, message), buffer).map(|b| &*b).map_err(|_| WireError::TooLong)
+}
+
 /// Numbers the packets of one sender.
 #[derive(Debug, Clone)]
 pub struct Sequencer {
@@ -176,14 +190,17 @@ impl Sequencer {
 
     /// Gives `message` the next header of its stream.
     pub fn wrap<'a>(&mut self, time: BridgeTime, message: Message<'a>) -> Packet<'a> {
-        let stream = message.stream();
+        Packet { header: self.header(time, message.stream()), message }
+    }
+
+    /// The next header of `stream`.
+    pub fn header(&mut self, time: BridgeTime, stream: Stream) -> Header {
         let mut sequence = 0;
         if let Some(next) = self.next.get_mut(stream as usize) {
             sequence = *next;
             *next = next.wrapping_add(1);
         }
-        let header = Header { magic: MAGIC, version: VERSION, boot: self.boot, stream, sequence, time };
-        Packet { header, message }
+        Header { magic: MAGIC, version: VERSION, boot: self.boot, stream, sequence, time }
     }
 }
 

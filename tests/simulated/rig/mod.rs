@@ -7,7 +7,7 @@
 //! ```
 //!
 //! The bridge runs on Embassy's executor as on a board, everything else and the test's script on another. A round polls
-//! both; it takes [`ROUND_US`], or ends when something happens. When nothing has happened for [`ROUNDS`] rounds, the bridge
+//! both; it takes `ROUND_US`, or ends when something happens. When nothing has happened for `ROUNDS` rounds, the bridge
 //! has nothing left to do, and time goes on to what happens next. So work costs time, chance comes from the seed, and
 //! a run is the same each time.
 

@@ -107,7 +107,11 @@ async fn radar_uart(bridge: &'static Bridge, data: RingBufferedUartRx<'static>) 
 async fn show_address(stack: Stack<'static>, mut light: Output<'static>) -> ! {
     let mut ticker = Ticker::every(LIGHT);
     loop {
-        if stack.is_link_up() && stack.is_config_up() { light.set_high() } else { light.toggle() }
+        if stack.is_link_up() && stack.is_config_up() {
+            light.set_high()
+        } else {
+            light.toggle()
+        }
         ticker.next().await;
     }
 }

@@ -33,8 +33,9 @@ use embassy_stm32::rng::Rng;
 use embassy_stm32::usart::{self, BufferedUart, UartRx};
 use embassy_stm32::wdg::IndependentWatchdog;
 use embassy_stm32::{pac, uid};
-use rfhoi_bridge::{Board, Parts};
+use rfhoi_bridge::{Board, Handover, Parts};
 use rfhoi_firmware::dsp::DopplerStage;
+use rfhoi_shared::config::RadarConfig;
 use static_cell::{ConstStaticCell, StaticCell};
 
 use board::Nucleo;
@@ -52,6 +53,27 @@ const PHY_ADDRESS: u8 = 0;
 
 #[cortex_m_rt::entry]
 fn main() -> ! {
+    let (devices, dsp) = set_up();
+    devices::start(devices);
+    #[unsafe(link_section = ".dtcm")]
+    static STAGE: ConstStaticCell<DopplerStage> = ConstStaticCell::new(DopplerStage::new());
+    let Dsp { handover, radar, boot } = dsp;
+    idle::run(|spawner| {
+        defmt::assert!(rfhoi_bridge::spawn_dsp(spawner, handover, radar, boot, STAGE.take()).is_ok());
+    })
+}
+
+/// What signal processing gets.
+struct Dsp {
+    handover: &'static Handover,
+    radar: RadarConfig,
+    boot: u16,
+}
+
+/// Brings the chip up.
+// Apart from `main`, which never gives its frame back.
+#[inline(never)]
+fn set_up() -> (Devices, Dsp) {
     let revision = Revision::read();
     let p = embassy_stm32::init(clocks::config(revision));
     let mut core = defmt::unwrap!(cortex_m::Peripherals::take());
@@ -105,19 +127,15 @@ fn main() -> ! {
         transceiver,
     );
 
-    let radar = config.radar.clone();
     let handover = memory.handover;
-    devices::start(Devices {
+    let dsp = Dsp { handover, radar: config.radar.clone(), boot };
+    let devices = Devices {
         seed: board.seed(),
         parts: Parts { board, config, boot, handover, cubes: memory.cubes },
         network,
         console,
         data: data.into_ring_buffered(memory.radar_ring),
         light: Output::new(p.PB0, Level::Low, Speed::Low),
-    });
-    #[unsafe(link_section = ".dtcm")]
-    static STAGE: ConstStaticCell<DopplerStage> = ConstStaticCell::new(DopplerStage::new());
-    idle::run(|spawner| {
-        defmt::assert!(rfhoi_bridge::spawn_dsp(spawner, handover, radar, boot, STAGE.take()).is_ok());
-    })
+    };
+    (devices, dsp)
 }

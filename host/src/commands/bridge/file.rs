@@ -90,7 +90,7 @@ impl Set {
         let progress = Progress::waiting("configuring the bridge")?;
         let mut go_on = |share| progress.show(share);
         let mut client = self.target.client(local, &progress)?;
-        let hello = client.hello(&mut go_on)?;
+        let hello = client.identify(&mut go_on)?;
         settings::check(&self.file, &config, hello.cube_bytes)?;
         let changed = !in_force(&client.config(&mut go_on)?, &config);
         let back = if changed {
