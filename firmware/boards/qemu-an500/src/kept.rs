@@ -119,7 +119,8 @@ pub fn take_restart() -> (Restart, Note) {
 pub fn count_start() -> u32 {
     critical_section::with(|cs| {
         with(cs, |kept| {
-            let last = kept.starts.load().and_then(|bytes| bytes.try_into().ok()).map_or(0, u32::from_le_bytes);
+            let last =
+                kept.starts.load().and_then(|bytes| bytes.try_into().ok()).map_or(0, u32::from_le_bytes);
             let starts = last.wrapping_add(1);
             // Four bytes fit.
             let _ = kept.starts.store(&starts.to_le_bytes());
