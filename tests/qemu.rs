@@ -36,6 +36,8 @@ const WINDOW: usize = 3;
 const QUESTIONS: u32 = 200;
 /// Frames over which work is measured.
 const MEASURED: u32 = 10;
+/// What part of a frame's processing reception may wait for it: it waits while a packet is put into a queue, no more.
+const MOST_LATE: u64 = 20;
 /// Reads a second of the emulated reader.
 const READ_RATE: u32 = 100;
 
@@ -153,6 +155,8 @@ struct Cost {
     instructions: u64,
     /// Instructions of a question, left out above.
     question: u64,
+    /// Longest that reception had to wait while a frame was worked on, us.
+    late_us: u32,
     /// Instructions from the last datagram to the last packet of a frame, on average; interrupts too.
     latency: u64,
     bytes: u64,
@@ -166,7 +170,7 @@ fn measure(machine: &mut Machine, config: &RadarConfig) -> Cost {
     (0..QUESTIONS).for_each(|_| ask(machine));
     let before = machine.telemetry();
     let question_us = (before.busy_us - idle.busy_us) as f64 / f64::from(QUESTIONS);
-    let had = machine.host.frames().count();
+    let (had, telemetry) = (machine.host.frames().count(), machine.host.telemetry().count());
     let mut questions = 0;
     // Each is a recording of its own, and waited for: of `fine` there is room for one.
     let frame = measurement(config.profile.clone(), 1, 9);
@@ -177,6 +181,7 @@ fn measure(machine: &mut Machine, config: &RadarConfig) -> Cost {
         machine.wait("a frame", |m| m.host.frames().count() >= had + frames);
     }
     let after = machine.telemetry();
+    let late_us = machine.host.telemetry().skip(telemetry).map(|t| t.late_us).max().expect("it came");
     assert_eq!((after.datagrams.lost, after.overruns), (before.datagrams.lost, before.overruns));
     let infos = machine.host.frames().skip(had).filter_map(|f| f.info);
     let latency: u64 = infos.map(|info| u64::from(info.latency_us)).sum();
@@ -188,6 +193,7 @@ fn measure(machine: &mut Machine, config: &RadarConfig) -> Cost {
     Cost {
         instructions: (((after.busy_us - before.busy_us) as f64 - questions_us) * 1e3) as u64 / frames,
         question: (question_us * 1e3) as u64,
+        late_us,
         latency: latency * 1_000 / frames,
         bytes: packets.iter().map(|packet| packet.len() as u64).sum(),
         packets: packets.len() as u64,
@@ -211,6 +217,12 @@ fn the_image_works_end_to_end() {
     assert_eq!(machine.telemetry().restart, RestartReason::PowerOn);
     stream(&mut machine, &default.radar, 20, 1);
     let bridge = measure(&mut machine, &default.radar);
+    let frame_us = bridge.latency / 1_000;
+    say(&format!(
+        "reception waited at most {} us while frames were worked on, {frame_us} us each",
+        bridge.late_us
+    ));
+    assert!(u64::from(bridge.late_us) * MOST_LATE <= frame_us);
     assert_eq!(machine.recorder_commands.last(), Some(&Command::RecordStart));
 
     // A configuration that cannot be, and one that can.

@@ -45,12 +45,14 @@ async fn run(handover: &'static Handover, config: RadarConfig, boot: u16, stage:
             Either::Second(()) => continue,
         };
         let mut send = |_, bytes: &[u8]| handover.send(bytes);
+        handover.working.store(true, Ordering::Relaxed);
         mapping.begin(cube, done);
         // A board that runs everything on one executor gets to its other tasks in between.
         while mapping.range_bin(cube, &mut uplink, &mut send) {
             yield_now().await;
         }
         mapping.finish(now(), &mut uplink, &mut send);
+        handover.working.store(false, Ordering::Relaxed);
         handover.unsent.store(uplink.unsent(), Ordering::Relaxed);
         // There are two cubes at most and this is one of them: there is room.
         let _ = handover.spare.try_send(cube);

@@ -32,6 +32,8 @@ pub struct Handover {
     pub(crate) host: AtomicBool,
     /// Packets of maps that did not fit.
     pub(crate) unsent: AtomicU32,
+    /// Signal processing works on a frame.
+    pub(crate) working: AtomicBool,
     /// Thread mode has run since the watchdog was last fed.
     pub(crate) alive: AtomicBool,
 }
@@ -47,6 +49,7 @@ impl Handover {
             packets: Channel::new(),
             host: AtomicBool::new(false),
             unsent: AtomicU32::new(0),
+            working: AtomicBool::new(false),
             alive: AtomicBool::new(false),
         }
     }

@@ -52,6 +52,8 @@ pub struct Health {
     pub uplink_dropped: u32,
     /// Datagrams on the bridge's ports that mean nothing.
     pub strays: u32,
+    /// Longest that reception had to wait for signal processing in the last second, us.
+    pub reception_late_us: u32,
     /// Temperature of the bridge's MCU, degrees Celsius.
     pub bridge_celsius: Option<f64>,
     /// Temperature of the radar, degrees Celsius.
@@ -87,6 +89,7 @@ impl Health {
             llrp_malformed: reader.malformed,
             uplink_dropped: telemetry.uplink_dropped,
             strays: telemetry.strays,
+            reception_late_us: telemetry.late_us,
             bridge_celsius: celsius(telemetry.bridge_decicelsius),
             radar_celsius: celsius(telemetry.radar_decicelsius),
         }

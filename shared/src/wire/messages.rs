@@ -320,6 +320,9 @@ pub struct Telemetry {
     pub restart: RestartReason,
     /// Time that the processor has worked since the bridge started, us; with the packet's time it gives the load.
     pub busy_us: u64,
+    /// Longest that reception had to wait in the last second while a frame was worked on, us: how late a timer of its
+    /// executor was, which is looked at every 10 ms.
+    pub late_us: u32,
     /// Temperature of the bridge's MCU, 0.1 degrees Celsius.
     pub bridge_decicelsius: Option<i16>,
     /// Temperature of the radar, 0.1 degrees Celsius.

@@ -12,7 +12,7 @@
 //! | `Points` | up | radar | points detected by the radar itself (UART) | 12 to 1311 |
 //! | `Tags` | up | tags | tag reads | 11 to 1450 |
 //! | `HopTable` | up | tags | the reader's channels in kHz | 12 to 349 |
-//! | `Telemetry` | up | telemetry | losses, overruns, temperatures, load, states, why it started | 32 to 126 |
+//! | `Telemetry` | up | telemetry | losses, overruns, temperatures, load, states, why it started | 33 to 131 |
 //! | `Hello` | up | control | who the bridge is, what it can hold | 22 to 61 |
 //! | `Config` | up | control | the configuration in force | 66 to 174 |
 //! | `Ack` | up | control | a command's outcome | 13 to 51 |

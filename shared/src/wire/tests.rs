@@ -137,6 +137,7 @@ fn extremes() -> Vec<(&'static str, Message<'static>, Message<'static>)> {
         radar: RadarState::Streaming,
         restart: RestartReason::Panic,
         busy_us: u64::MAX,
+        late_us: big,
         bridge_decicelsius: Some(i16::MIN),
         radar_decicelsius: Some(i16::MIN),
     };
@@ -207,7 +208,7 @@ fn layout_of_version_2() {
         Points: 5246484f0200000000030000
         Tags: 5246484f02000100000400
         HopTable: 5246484f0200010000050000
-        Telemetry: 5246484f02000200000600000000000000000000000000000000000000000000
+        Telemetry: 5246484f0200020000060000000000000000000000000000000000000000000000
         Hello: 5246484f020003000007000000000000000000000000
         Config: 5246484f0200030000080000c0dadb24e0d403b429f02ee8fb038001981100010f010140a08d060000010048000800004041010033334340000080400000c03f0604
         Ack: 5246484f020003000009000000
