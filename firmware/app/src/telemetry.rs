@@ -31,7 +31,8 @@ pub(crate) async fn run(bridge: &'static Bridge) {
         }
         let now = Instant::now();
         if bridge.handover.working.load(Ordering::Relaxed) {
-            late = late.max(now.saturating_duration_since(look));
+            // Rounded up.
+            late = late.max(now.saturating_duration_since(look) + Duration::from_ticks(1));
         }
         if now < due {
             continue;
