@@ -364,7 +364,7 @@ fn start_stop_and_restart() {
     assert_eq!(json(&["restart", &address])["board"], "simulated");
     let shown = json(&["show", &address, "--seconds", "0.3"]);
     assert_eq!(shown["telemetry"][0]["restart_reason"], "command or new configuration");
-    assert_eq!(bridge.done()[..2], ["stop", "identify"]);
+    assert_eq!(bridge.done()[..2], ["stop", "hello"]);
 }
 
 #[test]
