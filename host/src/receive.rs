@@ -5,12 +5,12 @@
 
 use std::collections::VecDeque;
 
-use rfhoi_shared::radar::RangeGate;
+use rfhoi_shared::radar::{MAX_GATE_BINS, RangeGate};
 use rfhoi_shared::tag::TagRead;
 use rfhoi_shared::units::BridgeTime;
 use rfhoi_shared::wire::{
-    Ack, Covariance, FrameInfo, Header, Hello, HopTable, LogScale, MapKind, MapRows, Message, Notice, Packet,
-    Point, Stream, Telemetry, WireError,
+    Ack, Covariance, FrameInfo, Header, Hello, HopTable, LogScale, MAX_MAP_BYTES, MapKind, MapRows, Message,
+    Notice, Packet, Point, Stream, Telemetry, WireError,
 };
 use serde::Serialize;
 
@@ -30,15 +30,17 @@ pub struct HeatMap {
 }
 
 impl HeatMap {
-    fn new(rows: &MapRows<'_>) -> Self {
+    /// A map of which nothing has arrived; `None` where it is larger than a bridge sends, so that a packet of somebody else
+    /// cannot ask for any amount of memory.
+    fn new(rows: &MapRows<'_>) -> Option<Self> {
         let (bins, columns) = (usize::from(rows.gate.bins), usize::from(rows.columns));
-        Self {
+        (bins <= MAX_GATE_BINS && columns <= MAX_MAP_BYTES).then(|| Self {
             gate: rows.gate,
             columns,
             scale: rows.scale,
             codes: vec![0; bins * columns],
             arrived: vec![false; bins],
-        }
+        })
     }
 
     /// Puts rows in their place. Returns whether they belong to this map.
@@ -227,7 +229,8 @@ impl Receiver {
                     MapKind::RangeDoppler => &mut frame.range_doppler,
                     MapKind::RangeTime => &mut frame.range_time,
                 };
-                if !map.get_or_insert_with(|| HeatMap::new(&rows)).put(&rows) {
+                *map = map.take().or_else(|| HeatMap::new(&rows));
+                if !map.as_mut().is_some_and(|map| map.put(&rows)) {
                     self.counts.packets_malformed += 1;
                 }
             }
@@ -367,6 +370,11 @@ mod tests {
         push(&mut receiver, &sequencer.wrap(BridgeTime(1), rows(1, 3, &[1; 8])));
         push(&mut receiver, &sequencer.wrap(BridgeTime(1), rows(1, u16::MAX, &[1; 2])));
         assert_eq!(receiver.counts().packets_malformed, 2);
+        let Message::MapRows(huge) = rows(2, 0, &[1; 2]) else { unreachable!("it is one") };
+        let gate = RangeGate { first: 0, bins: u16::MAX };
+        let huge = MapRows { columns: u16::MAX, gate, ..huge };
+        push(&mut receiver, &sequencer.wrap(BridgeTime(1), Message::MapRows(huge)));
+        assert_eq!(receiver.counts().packets_malformed, 3);
         assert!(matches!(receiver.push(b"x"), Err(WireError::NotRfHoi)));
     }
 }
