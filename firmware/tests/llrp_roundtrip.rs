@@ -112,7 +112,7 @@ proptest! {
 
     #[test]
     fn capabilities(
-        antennas in any::<u16>(),
+        antennas in 0u16..=32,
         model in any::<[u32; 2]>(),
         powers in proptest::collection::vec(any::<i16>().prop_map(CentiDbm), 0..100),
         hop_table in opt::<u8>(),
@@ -120,7 +120,7 @@ proptest! {
     ) {
         let described =
             ReaderModel { antennas, model, firmware: "1.2", powers: &powers, hop_table, channels: &channels };
-        let mut buffer = [0; 2000];
+        let mut buffer = [0; 3000];
         let bytes = reader_side::capabilities_response(&mut buffer, 0, &described).unwrap();
         let decoded = Capabilities::decode(&bytes[10..]).unwrap();
         prop_assert_eq!(decoded.antennas, antennas);
@@ -155,7 +155,7 @@ proptest! {
         mutations in proptest::collection::vec((any::<prop::sample::Index>(), any::<u8>()), 1..6),
         cuts in proptest::collection::vec(any::<u8>(), 1..20),
     ) {
-        let mut buffer = [0; 2000];
+        let mut buffer = [0; 3000];
         let mut stream = reader_side::ro_access_report(&mut buffer, 3, &reports).unwrap().to_vec();
         stream.extend(reader_side::keepalive(&mut buffer, 1).unwrap());
         for (at, byte) in mutations {

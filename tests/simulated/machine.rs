@@ -113,15 +113,19 @@ impl Drop for Process {
     }
 }
 
+/// llrpkit, where `.ci/run` installs it or on the path.
+pub fn llrpkit() -> Command {
+    let installed = workspace().join("target/venv/bin/llrpkit");
+    Command::new(if installed.exists() { installed } else { PathBuf::from("llrpkit") })
+}
+
 /// llrpkit's emulator of an Impinj reader, reading this many tags a second; `None` where it is not installed, which is
 /// told.
 ///
 /// # Panics
 /// If it is there and cannot be started.
 pub fn reader_emulator(port: u16, rate: u32, seed: u32) -> Option<Process> {
-    let installed = workspace().join("target/venv/bin/llrpkit");
-    let program = if installed.exists() { installed } else { PathBuf::from("llrpkit") };
-    let mut command = Command::new(program);
+    let mut command = llrpkit();
     command.args(["emulate", "--tags", "6", "--antennas", "4"]);
     command.args(["--port", &port.to_string(), "--rate", &rate.to_string(), "--seed", &seed.to_string()]);
     match command.stdout(Stdio::null()).stderr(Stdio::null()).spawn() {

@@ -179,14 +179,46 @@ pub fn capabilities_response<'b>(buffer: &'b mut [u8], id: u32, model: &ReaderMo
             w.u32(manufacturer);
             w.u32(number);
             w.text(model.firmware);
+            // One sensitivity, the best.
+            w.parameter(P::RECEIVE_SENSITIVITY_TABLE_ENTRY, |w| {
+                w.u16(1);
+                w.u16(0);
+            });
+            w.parameter(P::GPIO_CAPABILITIES, |w| {
+                w.u16(0);
+                w.u16(0);
+            });
+            for antenna in 1..=model.antennas {
+                w.parameter(P::PER_ANTENNA_AIR_PROTOCOL, |w| {
+                    w.u16(antenna);
+                    w.u16(1);
+                    w.u8(EPC_GLOBAL_C1G2);
+                });
+            }
+        });
+        w.parameter(P::LLRP_CAPABILITIES, |w| {
+            w.u8(0); // nothing optional
+            w.u8(1); // levels of priority
+            w.u16(0); // no client requests
+            // ROSpecs, their specs, inventory parameters, AccessSpecs, their operations.
+            for most in [1, 1, 1, 0, 0] {
+                w.u32(most);
+            }
         });
         w.parameter(P::REGULATORY_CAPABILITIES, |w| {
             w.u16(840); // country: USA (ISO 3166)
             w.u16(1); // communications standard: FCC part 15
             w.parameter(P::UHF_BAND_CAPABILITIES, |w| band(w, model));
         });
+        w.parameter(P::C1G2_LLRP_CAPABILITIES, |w| {
+            w.u8(0); // nothing optional
+            w.u16(0); // no filters
+        });
     })
 }
+
+/// Air protocol of UHF Gen2.
+const EPC_GLOBAL_C1G2: u8 = 1;
 
 fn band(w: &mut Writer<'_>, model: &ReaderModel<'_>) {
     for (index, power) in (1..).zip(model.powers) {
@@ -211,6 +243,20 @@ fn band(w: &mut Writer<'_>, model: &ReaderModel<'_>) {
             }),
             None => w.parameter(P::FIXED_FREQUENCY_TABLE, channels),
         }
+    });
+    // Mode 0: FM0 at 640 kHz, as Impinj's maximum throughput.
+    w.parameter(P::UHF_C1G2_RF_MODE_TABLE, |w| {
+        w.parameter(P::UHF_C1G2_RF_MODE_TABLE_ENTRY, |w| {
+            w.u32(0);
+            w.u8(0x40); // DR 8, EPC HAG T&C conformant
+            w.u8(0); // FM0
+            w.u8(2); // forward link: DSB-ASK
+            w.u8(1); // spectral mask: single interrogator
+            // Backscatter bit/s, PIE x 1000, Tari from, to, step in ns.
+            for value in [640_000, 1_500, 6_250, 6_250, 0] {
+                w.u32(value);
+            }
+        });
     });
 }
 
