@@ -404,9 +404,4 @@ impl Machine {
     pub fn say(&mut self, bytes: &[u8]) {
         let _ = self.console_line.write_all(bytes);
     }
-
-    /// Sends `bytes` from the recorder's port for answers, to which the image spoke last from `from`.
-    pub fn answer_with(&self, bytes: &[u8], from: SocketAddr) {
-        let _ = self.recorder.send_to(bytes, from);
-    }
 }

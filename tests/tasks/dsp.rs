@@ -69,7 +69,8 @@ fn the_fine_profile_runs_on_one_cube() {
         let host = host.host();
         for frame in host.frames() {
             let same = expected.frames.iter().find(|e| e.frame == frame.frame).expect("it was sent");
-            assert!(frame.range_time == same.range_time && frame.frame == same.frame);
+            assert!(frame.range_time == same.range_time && frame.range_doppler == same.range_doppler);
+            assert_eq!(frame.covariance, same.covariance);
         }
     });
 }

@@ -60,6 +60,8 @@ pub struct Bridge {
     pub(crate) strays: Cell<u32>,
     dropped: Cell<u32>,
     host: Cell<Option<Endpoint>>,
+    /// Who said hello last.
+    greeted: Cell<Option<Endpoint>>,
     /// Numbers what belongs to [`Stream::Control`].
     control: RefCell<Uplink>,
     board: RefCell<&'static mut (dyn Board + Send)>,
@@ -87,6 +89,7 @@ impl Bridge {
             strays: Cell::default(),
             dropped: Cell::default(),
             host: Cell::new(config.host),
+            greeted: Cell::default(),
             control: RefCell::new(Uplink::new(boot)),
             board: RefCell::new(board),
             config,
@@ -133,10 +136,11 @@ impl Bridge {
         self.host.get()
     }
 
-    /// Sends packets to `host` from now on.
-    pub(crate) fn set_host(&self, host: Endpoint) {
+    /// Sends packets to `host` from now on. Returns whether it is the first to say so, or another than before.
+    pub(crate) fn set_host(&self, host: Endpoint) -> bool {
         self.host.set(Some(host));
         self.handover.host.store(true, Ordering::Relaxed);
+        self.greeted.replace(Some(host)) != Some(host)
     }
 
     /// Puts a packet into the uplink's queue. Returns whether it was taken; without a host all are, and go nowhere.

@@ -82,13 +82,11 @@ pub async fn radar_control(
             Either4::Second(Err(_)) => ControlInput::Recorder(&[]),
             Either4::Third(true) => ControlInput::Start,
             Either4::Third(false) => ControlInput::Stop,
-            Either4::Fourth(()) if look <= Instant::now() => {
-                look = Instant::now() + LOOK;
-                handle(&mut control, bridge, ControlInput::Progress(progress(bridge)), &mut outbox);
-                ControlInput::Tick
-            }
             Either4::Fourth(()) => ControlInput::Tick,
         };
+        look = Instant::now() + LOOK;
+        // First, since what is done next depends on whether the radar streams.
+        handle(&mut control, bridge, ControlInput::Progress(progress(bridge)), &mut outbox);
         handle(&mut control, bridge, input, &mut outbox);
         if !outbox.lines.is_empty() {
             // A radar that is not there is noticed by its silence.

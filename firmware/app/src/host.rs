@@ -24,6 +24,8 @@ const PACKETS_OUT: usize = 4;
 const PACKETS_IN: usize = 2;
 /// How long a packet waits for room.
 const PATIENCE: Duration = Duration::from_millis(100);
+/// For how long a socket may hold packets: the IP stack looks up one address a second, and after a start there are three.
+const LOOKUPS: Duration = Duration::from_secs(3);
 /// For how long nothing is sent to a host that was absent.
 const ABSENCE: Duration = Duration::from_secs(1);
 
@@ -53,7 +55,7 @@ impl Buffers {
         let Self { in_metadata, in_buffer, out_metadata, out_buffer } = self;
         let mut socket = UdpSocket::new(stack, in_metadata, in_buffer, out_metadata, out_buffer);
         socket.bind(BRIDGE_PORT).ok()?;
-        Some(Lane { socket, waiting: 0 })
+        Some(Lane { socket, waiting: 0, since: None })
     }
 }
 
@@ -61,6 +63,8 @@ impl Buffers {
 struct Lane<'s> {
     socket: UdpSocket<'s>,
     waiting: u32,
+    /// Since when it has not been seen empty.
+    since: Option<Instant>,
 }
 
 impl Lane<'_> {
@@ -68,12 +72,20 @@ impl Lane<'_> {
     async fn send(&mut self, bridge: &Bridge, bytes: &[u8], to: Endpoint) -> bool {
         if poll_once(self.socket.flush()).is_ready() {
             self.waiting = 0;
+            self.since = None;
+        } else if self.since.is_some_and(|since| since.elapsed() > LOOKUPS) {
+            // Somebody who does not answer is at its head.
+            bridge.drop_packets(self.waiting.min(PACKETS_OUT as u32) + 1);
+            return false;
         }
         match with_timeout(PATIENCE, self.socket.send_to(bytes, remote(to))).await {
-            Ok(Ok(())) => self.waiting += 1,
+            Ok(Ok(())) => {
+                self.waiting += 1;
+                self.since.get_or_insert(Instant::now());
+            }
             Ok(Err(_)) => bridge.drop_packets(1),
             Err(_) => {
-                bridge.drop_packets(self.waiting + 1);
+                bridge.drop_packets(self.waiting.min(PACKETS_OUT as u32) + 1);
                 return false;
             }
         }
@@ -172,12 +184,10 @@ fn obey(bridge: &Bridge, asker: Endpoint, command: Command, last: &mut Last) {
     let repeated = last.filter(|(who, which, _)| (*who, *which) == (asker, id)).map(|(.., outcome)| outcome);
     let outcome = match request {
         Request::Identify | Request::Hello => {
-            if request == Request::Hello {
-                bridge.set_host(asker);
-                bridge.reader_tells.signal(());
-            }
+            let is_new = request == Request::Hello && bridge.set_host(asker);
             bridge.say(Some(asker), Message::Hello(bridge.hello()));
-            if request == Request::Hello {
+            if is_new {
+                bridge.reader_tells.signal(());
                 bridge.tell_last_words();
             }
             Ok(())

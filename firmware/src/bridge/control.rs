@@ -168,9 +168,16 @@ pub struct RadarControl {
     progress: u32,
     /// The radar's command line answers, as far as is known.
     console: bool,
+    /// A stop waits for the session under way.
+    stop: bool,
     /// Pieces of data before the radar was last programmed.
     before: u32,
     strays: u32,
+}
+
+/// The phase in which the radar is stopped.
+fn stopping() -> Phase {
+    Phase::StoppingRadar(Session::new(Script::only("sensorStop"), Timeouts::default()))
 }
 
 type Sink<'s> = dyn FnMut(ControlAction<'_>) + 's;
@@ -184,6 +191,7 @@ impl RadarControl {
             state: RadarState::Stopped,
             progress: 0,
             console: true,
+            stop: false,
             before: 0,
             strays: 0,
         }
@@ -203,16 +211,14 @@ impl RadarControl {
                 {
                     self.program();
                 }
+                self.stop = false;
             }
-            ControlInput::Stop => {
-                if !matches!(
-                    self.phase,
-                    Phase::Stopped | Phase::StoppingRadar(_) | Phase::StoppingRecorder(_)
-                ) {
-                    let session = Session::new(Script::only("sensorStop"), Timeouts::default());
-                    self.phase = Phase::StoppingRadar(session);
-                }
-            }
+            ControlInput::Stop => match self.phase {
+                Phase::Stopped | Phase::StoppingRadar(_) | Phase::StoppingRecorder(_) => {}
+                // The radar hears nothing while it works on a line.
+                Phase::Programming(_) | Phase::Starting(_) => self.stop = true,
+                _ => self.phase = stopping(),
+            },
             ControlInput::Recorder(bytes) => self.recorder(bytes, out),
             ControlInput::Console(bytes) => self.console(now, bytes, out),
             ControlInput::Progress(count) => self.progress(now, count),
@@ -361,7 +367,7 @@ impl RadarControl {
                     }
                 }
             };
-            self.phase = next;
+            self.phase = if core::mem::take(&mut self.stop) { stopping() } else { next };
         }
     }
 
@@ -398,7 +404,12 @@ impl RadarControl {
         out: &mut Sink<'_>,
     ) -> Phase {
         match &self.phase {
-            Phase::StoppingRadar(_) => self.after_stop(),
+            Phase::StoppingRadar(session) => {
+                if let Some(failure) = session.failure().filter(|_| self.console) {
+                    out(ControlAction::Notice(ControlNotice::Console(failure)));
+                }
+                self.after_stop()
+            }
             // Nothing was ever answered.
             Phase::Programming(_) if error == CliError::Timeout && line <= 1 => {
                 if core::mem::take(&mut self.console) {

@@ -52,7 +52,7 @@ pub struct Health {
     pub uplink_dropped: u32,
     /// Datagrams on the bridge's ports that mean nothing.
     pub strays: u32,
-    /// Longest that reception had to wait for signal processing in the last second, us.
+    /// How late the executor of network and devices was while a frame was worked on, at most, in the last second, us.
     pub reception_late_us: u32,
     /// Temperature of the bridge's MCU, degrees Celsius.
     pub bridge_celsius: Option<f64>,

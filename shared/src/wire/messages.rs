@@ -320,8 +320,8 @@ pub struct Telemetry {
     pub restart: RestartReason,
     /// Time that the processor has worked since the bridge started, us; with the packet's time it gives the load.
     pub busy_us: u64,
-    /// Longest that reception had to wait in the last second while a frame was worked on, us, rounded up: how late a timer
-    /// of its executor was, which is looked at every 10 ms. 0 if no frame was worked on when it looked.
+    /// How late the executor of network and devices was in the last second while a frame was worked on, at most, us, rounded
+    /// up: a timer of its own, which is looked at every 10 ms. 0 if no frame was worked on when it looked.
     pub late_us: u32,
     /// Temperature of the bridge's MCU, 0.1 degrees Celsius.
     pub bridge_decicelsius: Option<i16>,

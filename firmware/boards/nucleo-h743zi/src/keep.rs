@@ -16,7 +16,7 @@ use embassy_embedded_hal::adapter::BlockingAsync;
 use embassy_futures::block_on;
 use embassy_stm32::Peri;
 use embassy_stm32::flash::{self, Blocking, Flash, WRITE_SIZE};
-use embassy_stm32::pac::FLASH;
+use embassy_stm32::pac::{FLASH, IWDG1};
 use embassy_stm32::peripherals;
 use embedded_storage::nor_flash::{ErrorType, NorFlash, ReadNorFlash};
 use sequential_storage::cache::NoCache;
@@ -170,8 +170,14 @@ impl NorFlash for Sectors {
     const ERASE_SIZE: usize = <Flash<'static, Blocking> as NorFlash>::ERASE_SIZE;
 
     fn erase(&mut self, from: u32, to: u32) -> Result<(), flash::Error> {
-        Self::clear_errors();
-        self.0.blocking_erase(from, to)
+        // Each may take 4 s, in which nothing else feeds the watchdog.
+        for sector in (from..to).step_by(Self::ERASE_SIZE) {
+            const FEED: u16 = 0xaaaa;
+            IWDG1.kr().write(|w| w.0 = FEED.into());
+            Self::clear_errors();
+            self.0.blocking_erase(sector, sector + Self::ERASE_SIZE as u32)?;
+        }
+        Ok(())
     }
 
     fn write(&mut self, offset: u32, bytes: &[u8]) -> Result<(), flash::Error> {

@@ -6,7 +6,7 @@
 //! | radar's data, 921,600 baud | RX PD0 (UART4) | CN9 D67 |
 //! | Ethernet | RMII, LAN8742A | RJ45 |
 //! | log | RTT over the ST-LINK | USB |
-//! | light: on with a network address, else blinking | PB0 | LD1 |
+//! | light: on with link and address, else blinking | PB0 | LD1 |
 //!
 //! The pins take 3.3 V; check the radar's side, and join the grounds. `cargo run` here flashes and follows the log.
 //!

@@ -26,7 +26,7 @@ use crate::clocks::Revision;
 
 /// Packets that wait to be sent.
 pub const TX_PACKETS: usize = 16;
-/// Packets that wait for the network task: 20 ms of profile `bridge`, at 270 in 100 ms.
+/// Packets that wait for the network task: 7 ms of a burst, at 127 us a datagram.
 pub const RX_PACKETS: usize = 56;
 /// Bytes of the radar's data UART that wait for their task: 178 ms at 921,600 baud.
 pub const RADAR_RING_BYTES: usize = 16 * 1024;

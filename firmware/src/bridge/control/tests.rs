@@ -105,6 +105,21 @@ fn the_recorder_starts_between_the_program_and_the_sensor() {
 }
 
 #[test]
+fn a_stop_waits_for_the_line_under_way() {
+    let mut world = World::new(raw());
+    world.console_answers = false;
+    world.give(ControlInput::Start);
+    world.give(ControlInput::Console(b"mmwDemo:/>"));
+    assert_eq!(world.lines.last().unwrap(), "sensorStop");
+    world.give(ControlInput::Stop);
+    assert_eq!(world.lines.len(), 1, "the radar works on a line");
+    world.console_answers = true;
+    world.give(ControlInput::Console(b"Done\nmmwDemo:/>"));
+    assert_eq!(world.control.state(), RadarState::Stopped);
+    assert_eq!(world.lines.last().unwrap(), "sensorStop");
+}
+
+#[test]
 fn a_radar_on_its_uart_needs_no_recorder() {
     let mut world = World::new(RadarInput::Uart);
     world.give(ControlInput::Start);
