@@ -8,6 +8,8 @@ use rfhoi_firmware::llrp::message::MessageType;
 use rfhoi_firmware::llrp::param::Fields;
 use rfhoi_firmware::mmwave;
 
+use crate::motion;
+
 /// Kinds of file that are recognised.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Format {
@@ -27,6 +29,8 @@ pub enum Format {
     LlrpBody,
     /// Tag reads as a table.
     Reads,
+    /// Recorded human motion.
+    Motion,
 }
 
 /// Why a file is not recognised.
@@ -55,7 +59,7 @@ pub enum DetectError {
     /// It is nothing known.
     #[error(
         "{path} is none of: DCA1000 samples (.bin, .npy), packets (.pcap), SDK demo UART (.dat, .csv), LLRP messages, \
-         tag reads (.csv); from offset 0 no known structure begins. If it is raw samples, name it .bin"
+         tag reads (.csv), human motion (.amc, .bvh); from offset 0 no known structure begins. If it is raw samples, name it .bin"
     )]
     Unknown {
         /// The file.
@@ -77,7 +81,7 @@ pub fn detect(path: &Path) -> Result<Format, DetectError> {
     if head.is_empty() {
         return Err(DetectError::Empty { path: path.to_path_buf() });
     }
-    if let Some(format) = by_magic(&head).or_else(|| by_text(&head)) {
+    if let Some(format) = by_magic(&head).or_else(|| by_motion(&head)).or_else(|| by_text(&head)) {
         return Ok(format);
     }
     if is_profile(&head) {
@@ -133,6 +137,11 @@ fn text(head: &[u8]) -> Option<&str> {
     };
     let binary = |c: char| c.is_control() && !c.is_whitespace();
     (!text.contains(binary)).then_some(text)
+}
+
+/// Looked for before text, as AMC files hold comments in any encoding.
+fn by_motion(head: &[u8]) -> Option<Format> {
+    motion::Kind::of(head).map(|_| Format::Motion)
 }
 
 fn by_text(head: &[u8]) -> Option<Format> {

@@ -4,6 +4,7 @@
 //! * [`samples`], [`datagrams`]: raw ADC files as the radar's byte stream, cut into DCA1000 datagrams.
 //! * [`reads`]: tables of tag reads.
 //! * [`phase`]: from tag phases to phase differences that mean something, with honest figures.
+//! * [`motion`]: recorded human motion, joints over time.
 //! * [`plot`]: pictures of maps and of series.
 //! * [`bridge`]: a bridge on the network: found, configured, watched.
 //! * `flash`, with the feature `probe`: boards over their debug probes.
@@ -17,6 +18,7 @@ pub mod detect;
 #[cfg(feature = "probe")]
 pub mod flash;
 pub mod inspect;
+pub mod motion;
 pub mod npz;
 pub mod phase;
 pub mod plot;

@@ -233,6 +233,34 @@ fn bad_input_is_told_in_a_sentence_and_leaves_nothing() {
 }
 
 #[test]
+fn figures_of_recorded_motion() {
+    let Some(file) = recorded("mocap/hdm05/HDM_bd_grabHighR_002_120.amc") else { return };
+    let found = json(&["inspect", "--json", "--list", text(&file)]);
+    assert_eq!(found["format"], "amc_motion");
+    assert_eq!((&found["joints"], &found["frames"]), (&31.into(), &246.into()));
+    assert_eq!(found["actions"][0]["action"], "pick_up");
+    assert_eq!(found["actions"][0]["frames"], 246);
+    assert_eq!(found["list"].as_array().unwrap().len(), 31);
+    assert_eq!(found["list"][0]["parent"], Value::Null);
+    let height = found["height_m"].as_f64().unwrap();
+    assert!((1.6..1.63).contains(&height), "{height}");
+}
+
+#[test]
+fn motion_that_cannot_be_read_is_told() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("07_cut.amc");
+    std::fs::write(&file, b"#from f\xfcr\n:FULLY-SPECIFIED\n1\nroot 0 0 0 0 0 0\n").unwrap();
+    let sentence = refused(&["inspect", text(&file)]);
+    assert!(sentence.contains("07_cut.asf, 07.asf"), "{sentence}");
+    std::fs::write(folder.path().join("07.asf"), ":version 1.10\n:bonedata\nlength x\n").unwrap();
+    let sentence = refused(&["inspect", text(&file)]);
+    assert!(sentence.contains("07.asf, line 3"), "{sentence}");
+    let sentence = refused(&["replay", text(&file), "--out", text(&folder.path().join("out"))]);
+    assert!(sentence.contains("no radar frame"), "{sentence}");
+}
+
+#[test]
 fn wrong_profiles_name_line_and_remedy() {
     let folder = tempfile::tempdir().unwrap();
     let (samples, profile) = (folder.path().join("a.bin"), folder.path().join("b.cfg"));

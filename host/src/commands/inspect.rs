@@ -11,9 +11,10 @@ use super::{ProfileArgs, Progress, report};
 
 #[derive(Debug, Args)]
 pub(super) struct Inspect {
-    /// DCA1000 samples (.bin, .npy), packets (.pcap, .pcapng, .gz), SDK demo UART (.dat, .csv), LLRP messages, tag reads.
+    /// DCA1000 samples (.bin, .npy), packets (.pcap, .pcapng, .gz), SDK demo UART (.dat, .csv), LLRP messages, tag reads,
+    /// human motion (.amc, .asf, .bvh, Kinect joints).
     file: PathBuf,
-    /// Also list frame by frame, message by message, read by read.
+    /// Also list frame by frame, message by message, read by read, joint by joint.
     #[arg(long)]
     list: bool,
     /// Fastest tag, m/s: bounds the intervals between reads that mean something.

@@ -4,6 +4,7 @@
 
 mod adc;
 mod llrp;
+mod motion;
 mod packets;
 mod reads;
 mod uart;
@@ -21,6 +22,7 @@ use serde::Serialize;
 use serde_json::{Map, Value};
 
 use crate::detect::{DetectError, Format, detect};
+use crate::motion::MotionError;
 use crate::reads::ReadsError;
 use crate::recording::RecordingError;
 use crate::samples::SampleError;
@@ -33,7 +35,7 @@ pub struct Options {
     pub profile: Option<RadarProfile>,
     /// The scene; its fastest tag says which intervals between reads count.
     pub scene: Scene,
-    /// Also list frame by frame, message by message or read by read.
+    /// Also list frame by frame, message by message, read by read or joint by joint.
     pub list: bool,
 }
 
@@ -77,6 +79,9 @@ pub enum InspectError {
     /// Tag reads.
     #[error(transparent)]
     Reads(#[from] ReadsError),
+    /// Recorded motion.
+    #[error(transparent)]
+    Motion(#[from] MotionError),
     /// The user stopped it.
     #[error("stopped")]
     Interrupted,
@@ -170,6 +175,7 @@ pub fn inspect<'p>(
         Format::Llrp => llrp::inspect(builder, &read(path)?),
         Format::LlrpBody => llrp::inspect_body(builder, &read(path)?),
         Format::Reads => reads::inspect(builder, options),
+        Format::Motion => motion::inspect(builder),
     }
 }
 

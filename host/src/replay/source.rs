@@ -65,6 +65,8 @@ pub(super) fn feed(
             ObservedReads::default().reports(None, TagReports::new(&read(path)?), bridge);
             finish(bridge, BridgeTime::default())
         }
+        // It may say how a scene moved, but no radar and no reader saw it.
+        Format::Motion => Err(ReplayError::Nothing { path: path.to_path_buf() }),
         Format::Reads => {
             let table = ReadTable::open(path).map_err(InspectError::from)?;
             if table.duplicates > 0 {
