@@ -6,6 +6,7 @@
 //! * [`path`]: the radar's path alone, from datagrams to frames at the host.
 //! * [`world`]: all of them joined with the bridge's logic and the host.
 //! * [`rig`]: all of them around the bridge's own tasks, with an Ethernet switch and UARTs in between.
+//! * [`machine`]: QEMU with the bridge's image, the devices on loopback sockets, in the time of the wall.
 
 pub mod console;
 pub mod machine;

@@ -28,7 +28,8 @@ fn garbage_is_counted_and_nothing_else_is_lost() {
         let mut random = ChaCha8Rng::seed_from_u64(9);
         let bridge = |port| Endpoint { address: [192, 168, 33, 30], port };
         for _ in 0..EACH {
-            // What does not fit a socket is dropped before it is seen: 256 bytes for the recorder's answers.
+            // What does not fit a socket is dropped before it is seen: 256 bytes for the recorder's answers, of
+            // which the task hears 64 and counts a longer one.
             for (port, most) in [(DATA_PORT, 1_400), (CONFIG_PORT, 120), (BRIDGE_PORT, 1_400)] {
                 stranger.send(&garbage(&mut random, most), port).await;
             }
