@@ -17,6 +17,7 @@ pub mod datagrams;
 pub mod detect;
 #[cfg(feature = "probe")]
 pub mod flash;
+pub mod hoi;
 pub mod inspect;
 pub mod motion;
 pub mod npz;

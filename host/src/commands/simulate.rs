@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use anyhow::Context;
 use clap::Args;
 use rfhoi::atomic;
-use rfhoi::simulate::{Options, record};
+use rfhoi::simulate::recording::{Options, record};
 use rfhoi_firmware::mmwave::cfg::{self, DemoOptions, LvdsStream};
 use rfhoi_shared::radar::RadarProfile;
 use serde::Serialize;
@@ -34,7 +34,7 @@ struct Written {
     recording: PathBuf,
     profile: PathBuf,
     #[serde(flatten)]
-    summary: rfhoi::simulate::Summary,
+    summary: rfhoi::simulate::recording::Summary,
 }
 
 impl Simulate {

@@ -1,0 +1,26 @@
+//! The simulator: a room, a person, tagged things, as the radar and the reader would see them.
+//!
+//! One moving scene feeds both radios, so that they agree in time and place:
+//!
+//! ```text
+//! scene.toml ---> [scene::Scene] --------------------------------------------+----------------+
+//! label, person, place --> [perform]  a person and things in motion          |                |
+//! recorded joints -------> [recorded] the same, after a recording            |                |
+//! OBJ files -------------> [meshes]   the same, as meshes                    |                |
+//!                               | [Performance]: vertices, tags, blockers    |                |
+//!                               +--> [radar]: facets -> paths -> range spectra of the gate ---+--> maps, covariance
+//!                               |             (`spectrum`), or samples (`adc`) -> datagrams   |
+//!                               +--> [rfid]: inventory -> tag reads -> LLRP reports ----------+--> reads
+//! ```
+//!
+//! Room coordinates are right-handed: x to the right and y into the room as seen from the radar's wall, z up from the
+//! floor; metres, seconds, radians. A time of 0 s is the beginning of the sample.
+//!
+//! What is computed beyond the direct paths is a matter of [`effects`], each a switch.
+
+pub mod effects;
+mod performance;
+pub mod recording;
+pub mod scene;
+
+pub use performance::{Capsule, Performance, Surface};
