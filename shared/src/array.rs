@@ -6,7 +6,7 @@
 use heapless::Vec;
 use serde::{Deserialize, Serialize};
 
-use crate::radar::{MAX_VIRTUAL, RadarProfile};
+use crate::radar::{MAX_RX, MAX_TX_SLOTS, MAX_VIRTUAL, RadarProfile};
 
 /// Position of an antenna in half wavelengths.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize)]
@@ -102,24 +102,40 @@ pub struct VirtualAntenna {
     pub sign: i8,
 }
 
-/// The virtual antennas of `profile` in cube order (`slot * rx_count + rx`), or `None` where the geometry is not
-/// defined: a slot with several transmitters at once, or a transmitter that the board does not have.
-pub fn virtual_antennas(profile: &RadarProfile) -> Option<Vec<VirtualAntenna, MAX_VIRTUAL>> {
-    let mut antennas = Vec::new();
+/// The physical antennas of a profile, the board's mounting applied.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Elements {
+    /// The transmitter of each slot of a loop, in the order of time.
+    pub transmitters: Vec<Position, MAX_TX_SLOTS>,
+    /// The receivers in use, each with the sign by which its samples must be multiplied.
+    pub receivers: Vec<(Position, i8), MAX_RX>,
+}
+
+/// The physical antennas of `profile`, or `None` where the geometry is not defined: a slot with several transmitters at
+/// once, or a transmitter that the board does not have.
+pub fn elements(profile: &RadarProfile) -> Option<Elements> {
+    let turn = |p: &Position| profile.mounting.turn(*p);
+    let mut transmitters = Vec::new();
     for &mask in &profile.tx_order {
         if mask.count_ones() != 1 {
             return None;
         }
-        let tx = profile.array.tx().get(mask.trailing_zeros() as usize)?;
-        for (index, (rx, &sign)) in profile.array.rx().iter().zip(profile.array.rx_sign()).enumerate() {
-            if profile.rx_mask & (1 << index) == 0 {
-                continue;
-            }
-            let position = profile.mounting.turn(at(tx.azimuth + rx.azimuth, tx.elevation + rx.elevation));
-            antennas.push(VirtualAntenna { position, sign }).ok()?;
-        }
+        transmitters.push(turn(profile.array.tx().get(mask.trailing_zeros() as usize)?)).ok()?;
     }
-    Some(antennas)
+    let receivers = profile.array.rx().iter().zip(profile.array.rx_sign()).enumerate();
+    let receivers = receivers.filter(|(index, _)| profile.rx_mask & (1 << index) != 0);
+    Some(Elements { transmitters, receivers: receivers.map(|(_, (rx, &sign))| (turn(rx), sign)).collect() })
+}
+
+/// The virtual antennas of `profile` in cube order (`slot * rx_count + rx`), or `None` where [`elements`] is.
+pub fn virtual_antennas(profile: &RadarProfile) -> Option<Vec<VirtualAntenna, MAX_VIRTUAL>> {
+    let Elements { transmitters, receivers } = elements(profile)?;
+    let pairs = transmitters.iter().flat_map(|tx| receivers.iter().map(move |rx| (tx, rx)));
+    let antenna = |(tx, &(rx, sign)): (&Position, &(Position, i8))| VirtualAntenna {
+        position: at(tx.azimuth + rx.azimuth, tx.elevation + rx.elevation),
+        sign,
+    };
+    Some(pairs.map(antenna).collect())
 }
 
 #[cfg(test)]

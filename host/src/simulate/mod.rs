@@ -20,6 +20,7 @@
 
 pub mod effects;
 mod performance;
+pub mod radar;
 pub mod recording;
 pub mod scene;
 
