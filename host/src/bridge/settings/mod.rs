@@ -19,6 +19,8 @@ use rfhoi_shared::units::{AntennaPort, Decibels, Metres, MetresPerSecond, Second
 use serde::{Deserialize, Serialize};
 
 pub use values::{Clutter, Input, NetworkAddress, ReaderAddress, Samples, Slot};
+#[cfg(test)]
+pub(crate) use write::explained;
 pub use write::write;
 
 use crate::profile::{self, BoardName, MOUNTINGS, NAMES, ProfileFileError};
@@ -308,7 +310,10 @@ impl RadarSettings {
 
 impl ProfileSettings {
     /// The profile of the file at `path`.
-    fn load(&self, path: &Path) -> Result<RadarProfile, SettingsError> {
+    ///
+    /// # Errors
+    /// [`SettingsError::Profile`] of the base, [`SettingsError::Value`] of any other key.
+    pub(crate) fn load(&self, path: &Path) -> Result<RadarProfile, SettingsError> {
         let wrong = |(key, reason)| SettingsError::Value { path: path.to_path_buf(), key, reason };
         let turns = usize::from(self.quarter_turns.unwrap_or(0));
         let mounting = *MOUNTINGS

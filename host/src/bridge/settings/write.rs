@@ -150,6 +150,12 @@ pub fn write(config: &BridgeConfig) -> String {
     text
 }
 
+/// The keys of `section` and what each means.
+#[cfg(test)]
+pub(crate) fn explained(section: &str) -> impl Iterator<Item = (&'static str, &'static str)> {
+    KEYS.iter().filter_map(move |k| Some((k.name.strip_prefix(section)?.strip_prefix('.')?, k.text)))
+}
+
 /// What would hold if all that may be left away were.
 fn defaults(config: &BridgeConfig) -> BridgeConfig {
     let mut defaults = BridgeConfig::default();

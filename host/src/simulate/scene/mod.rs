@@ -1,10 +1,42 @@
 //! The scene: a room and what is fixed in it, as `scene.toml` describes it.
+//!
+//! In: a file, its text, or the name of a room that comes with the program ([`NAMES`]). Out: a [`Scene`] in which
+//! everything fits, or a sentence for each line that must be corrected. The keys are documented in
+//! `host/scenes/README.md`.
+
+mod check;
+mod document;
+mod error;
+mod geometry;
+mod keys;
+mod read;
+
+use std::path::Path;
 
 use glam::{Mat3, Vec2, Vec3};
-use rfhoi_shared::radar::RadarProfile;
+use rfhoi_shared::radar::{RadarProfile, RangeGate};
+use rfhoi_shared::scene::Scene as Needs;
 use rfhoi_shared::tag::Epc;
+use rfhoi_shared::units::Metres;
+
+pub use check::{FIELD_OF_VIEW_RAD, NEAREST_M, PERSON_M, WORKPLACE_M};
+pub use error::{Complaint, SceneError};
 
 use crate::hoi::Object;
+use document::Document;
+
+/// Tags of a sample: its object's and those of five others (the paper's section 4.2).
+pub const SAMPLE_TAGS: usize = 6;
+
+/// Rooms that come with the program: the paper's three (few, medium and rich multipath; its section 4.2), and a hall
+/// without anything, with other people.
+pub const NAMES: [&str; 4] = ["working-space", "storage-room", "kitchen", "open-room"];
+const ROOMS: [&str; 4] = [
+    include_str!("../../../scenes/working-space.toml"),
+    include_str!("../../../scenes/storage-room.toml"),
+    include_str!("../../../scenes/kitchen.toml"),
+    include_str!("../../../scenes/open-room.toml"),
+];
 
 /// A room with a radar, a reader, furniture and people.
 #[derive(Debug, Clone, PartialEq)]
@@ -25,6 +57,71 @@ pub struct Scene {
     pub people: Vec<Person>,
     /// Where they may act.
     pub places: Vec<Place>,
+}
+
+impl Scene {
+    /// The scene called `source` in [`NAMES`], or else that in the file `source`.
+    ///
+    /// # Errors
+    /// As [`Self::open`].
+    pub fn load(source: &str) -> Result<Self, SceneError> {
+        let named = NAMES.iter().position(|&name| name == source);
+        named.map_or_else(|| Self::open(Path::new(source)), |n| Self::parse(Path::new(source), ROOMS[n]))
+    }
+
+    /// The room of this name in [`NAMES`].
+    pub fn named(name: &str) -> Option<Self> {
+        NAMES.contains(&name).then(|| Self::load(name).ok())?
+    }
+
+    /// The scene in the file at `path`. A radar profile that is a file is looked for beside it.
+    ///
+    /// # Errors
+    /// If the file cannot be read, or anything in it is wrong.
+    pub fn open(path: &Path) -> Result<Self, SceneError> {
+        let text = std::fs::read_to_string(path)
+            .map_err(|source| SceneError::Read { path: path.to_path_buf(), source })?;
+        Self::parse(path, &text)
+    }
+
+    /// Parses and checks `text`, which was read from `path`.
+    ///
+    /// # Errors
+    /// [`SceneError::Invalid`] with all that is wrong.
+    pub fn parse(path: &Path, text: &str) -> Result<Self, SceneError> {
+        let (mut document, table) = Document::parse(text);
+        let mut scene = None;
+        // What half a document lacks is not its author's fault.
+        if document.complaints.is_empty() {
+            let draft = read::draft(&mut document, &table, path);
+            check::check(&mut document, &draft);
+            scene = draft.scene();
+        }
+        let mut complaints = document.complaints;
+        match scene {
+            Some(scene) if complaints.is_empty() => Ok(scene),
+            _ => {
+                complaints.sort();
+                complaints.dedup();
+                Err(SceneError::Invalid { file: path.to_path_buf(), complaints })
+            }
+        }
+    }
+
+    /// What it asks of radar and reader.
+    pub fn needs(&self) -> Needs {
+        needs(self.radar.depth_m, self.reader.antennas.len())
+    }
+
+    /// Range bins in which its places are.
+    pub fn gate(&self) -> RangeGate {
+        self.radar.profile.gate_to(Metres(self.radar.depth_m))
+    }
+}
+
+fn needs(depth_m: f32, antennas: usize) -> Needs {
+    let (tags, reader_antennas) = (SAMPLE_TAGS as u8, antennas.min(u8::MAX.into()) as u8);
+    Needs { depth: Metres(depth_m), tags, reader_antennas, ..Needs::default() }
 }
 
 /// A box of air between four walls, floor and ceiling.
@@ -62,6 +159,8 @@ pub struct RadarPose {
     pub yaw_rad: f32,
     /// Turn of its boresight upwards, rad.
     pub pitch_rad: f32,
+    /// Range to which its maps reach, m; all places are nearer.
+    pub depth_m: f32,
     /// Profile, with the board's mounting.
     pub profile: RadarProfile,
 }
@@ -69,12 +168,17 @@ pub struct RadarPose {
 impl RadarPose {
     /// From room to radar: rows are the radar's axes, to the right, forward and up, in room coordinates.
     pub fn axes(&self) -> Mat3 {
-        let (sin, cos) = (libm::sinf(self.yaw_rad), libm::cosf(self.yaw_rad));
-        let (up_sin, up_cos) = (libm::sinf(self.pitch_rad), libm::cosf(self.pitch_rad));
-        let right = Vec3::new(cos, -sin, 0.0);
-        let forward = Vec3::new(sin * up_cos, cos * up_cos, up_sin);
-        Mat3::from_cols(right, forward, right.cross(forward)).transpose()
+        orientation(self.yaw_rad, self.pitch_rad)
     }
+}
+
+/// From room to one who looks `yaw_rad` to the right of y and `pitch_rad` upwards: rows are to the right, forward and up.
+fn orientation(yaw_rad: f32, pitch_rad: f32) -> Mat3 {
+    let (sin, cos) = (libm::sinf(yaw_rad), libm::cosf(yaw_rad));
+    let (up_sin, up_cos) = (libm::sinf(pitch_rad), libm::cosf(pitch_rad));
+    let right = Vec3::new(cos, -sin, 0.0);
+    let forward = Vec3::new(sin * up_cos, cos * up_cos, up_sin);
+    Mat3::from_cols(right, forward, right.cross(forward)).transpose()
 }
 
 /// The RFID reader.
@@ -102,6 +206,8 @@ pub struct Tag {
     pub epc: Epc,
     /// What it is on.
     pub object: Object,
+    /// Where on it: to its right, forward and up from where such a tag usually is, m.
+    pub offset: Vec3,
 }
 
 /// A person's body.
@@ -123,3 +229,6 @@ pub struct Place {
     /// Where they look: 0 towards the radar, growing to their left, rad.
     pub facing_rad: f32,
 }
+
+#[cfg(test)]
+mod tests;
