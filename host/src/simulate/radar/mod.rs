@@ -28,7 +28,6 @@ use rand::Rng;
 use rand_chacha::ChaCha8Rng;
 use rfhoi_firmware::simulated::Noise;
 use rfhoi_shared::config::{Processing, RadarConfig, RadarInput};
-use rfhoi_shared::radar::{RadarProfile, RangeGate};
 
 use super::effects::Effects;
 use super::scene::Scene;
@@ -79,13 +78,14 @@ pub struct Radar {
 }
 
 impl Radar {
-    /// The radar of `scene` with these effects, which keeps the range bins of `gate`.
+    /// The radar of `scene` with these effects.
     ///
     /// # Errors
     /// If the profile has no antenna geometry.
-    pub fn new(scene: &Scene, effects: Effects, gate: RangeGate) -> Result<Self, RadarError> {
+    pub fn new(scene: &Scene, effects: Effects) -> Result<Self, RadarError> {
         let profile = scene.radar.profile.clone();
         let chirps = Chirps::new(&profile).ok_or(RadarError::Geometry)?;
+        let gate = scene.gate();
         let processing = Processing::with_gate(&profile, gate);
         let config = RadarConfig { profile, input: RadarInput::Uart, processing };
         let axes = scene.radar.axes();
@@ -230,9 +230,3 @@ impl Radar {
 
 /// Standard deviation of rounding to a word, of full scale: the step over the square root of 12.
 const ROUNDING: f32 = 0.288_675_1 / 32768.0;
-
-/// The gate that a data set of `profile` keeps: to the depth of the default scene, or as far as the profile sees.
-pub fn default_gate(profile: &RadarProfile) -> RangeGate {
-    let scene = rfhoi_shared::scene::Scene::default();
-    scene.gate(profile).unwrap_or(RangeGate { first: 0, bins: profile.range_bins() })
-}

@@ -75,7 +75,7 @@ fn hall(profile: RadarProfile) -> Scene {
         name: "hall".into(),
         room: Room { min: Vec3::splat(-50.0), max: Vec3::splat(50.0), reflectivity: 0.0 },
         furniture: Vec::new(),
-        radar: RadarPose { position: Vec3::ZERO, yaw_rad: 0.0, pitch_rad: 0.0, profile },
+        radar: RadarPose { position: Vec3::ZERO, yaw_rad: 0.0, pitch_rad: 0.0, depth_m: 3.05, profile },
         reader: Reader { antennas: Vec::new(), power_dbm: 30.0 },
         tags: Vec::new(),
         people: Vec::new(),
@@ -85,8 +85,7 @@ fn hall(profile: RadarProfile) -> Scene {
 
 fn radar(effects: Effects) -> Radar {
     let scene = hall(RadarProfile::bridge());
-    let gate = default_gate(&scene.radar.profile);
-    let mut radar = Radar::new(&scene, effects, gate).unwrap();
+    let mut radar = Radar::new(&scene, effects).unwrap();
     radar.begin(None, &mut ChaCha8Rng::seed_from_u64(1));
     radar
 }
@@ -239,9 +238,8 @@ fn still_things_leave_nothing_but_their_jitter() {
         room: Room { min: Vec3::new(-1.5, -0.5, -1.0), max: Vec3::new(1.5, 2.5, 1.5), reflectivity: 0.3 },
         ..hall(RadarProfile::bridge())
     };
-    let gate = default_gate(&scene.radar.profile);
     let level = |effects| {
-        let mut radar = Radar::new(&scene, effects, gate).unwrap();
+        let mut radar = Radar::new(&scene, effects).unwrap();
         radar.begin(None, &mut ChaCha8Rng::seed_from_u64(1));
         radar.look(&Points::new(&[]), 0.0);
         [radar.maps(), maps_of_samples(&mut radar)].map(|maps| peak(&db(&maps, &radar)).1)
@@ -261,7 +259,7 @@ fn walls_make_images_at_half_the_sum_of_the_ways() {
     scene.room.max.x = 1.0;
     scene.room.reflectivity = 0.5;
     let effects = Effects { images: true, ..Effects::NONE };
-    let mut radar = Radar::new(&scene, effects, default_gate(&scene.radar.profile)).unwrap();
+    let mut radar = Radar::new(&scene, effects).unwrap();
     radar.begin(None, &mut ChaCha8Rng::seed_from_u64(1));
     let place = Vec3::new(0.3, 1.5, 0.0);
     let points = Points::new(&[(place, Vec3::Y)]);
@@ -277,6 +275,5 @@ fn walls_make_images_at_half_the_sum_of_the_ways() {
 fn a_profile_without_geometry_is_refused() {
     let mut profile = RadarProfile::bridge();
     profile.tx_order = [0b11].into_iter().collect();
-    let gate = default_gate(&profile);
-    assert!(matches!(Radar::new(&hall(profile), Effects::NONE, gate), Err(RadarError::Geometry)));
+    assert!(matches!(Radar::new(&hall(profile), Effects::NONE), Err(RadarError::Geometry)));
 }

@@ -1,0 +1,258 @@
+//! What each sample of a data set is about, drawn from a seed.
+//!
+//! Categories take turns and so come out even; who, where, and which things lie about is drawn for each sample from a stream of
+//! its own, so that a sample is the same whichever others are made.
+
+use glam::Vec2;
+use rand::seq::{IndexedRandom, SliceRandom};
+use rand::{RngExt, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+use serde::Serialize;
+
+use super::effects::Domain;
+use super::scene::{Place, SAMPLE_TAGS, Scene};
+use crate::hoi::{CATEGORIES, Category, Object};
+
+/// Distances from the radar at which people act in `train`, m (section 4.2 of the paper).
+const DISTANCE_M: core::ops::Range<f32> = 1.0..3.0;
+/// Bearings to either side, deg.
+const BEARING_DEG: f32 = 45.0;
+/// Directions in which people look, deg; 0 is towards the radar.
+pub const FACING_DEG: [f32; 7] = [-90.0, -60.0, -30.0, 0.0, 30.0, 60.0, 90.0];
+
+/// Which samples are wanted.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Wanted<'a> {
+    /// Whose data it stands for.
+    pub domain: Domain,
+    /// Seed of everything.
+    pub seed: u64,
+    /// Number of samples.
+    pub samples: u32,
+    /// What is done in them, in turn.
+    pub categories: &'a [Category],
+    /// Share of samples in which nothing of that is done.
+    pub nothing: f64,
+    /// Whether objects are replaced where the action would be the same (algorithm 1 of the paper).
+    pub expand: bool,
+}
+
+/// One sample before it is made.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Draw {
+    /// Its number.
+    pub sample: u32,
+    /// What it is labelled with; `None` is no interaction.
+    pub label: Option<Category>,
+    /// What is moved in it; differs from the label after [`Wanted::expand`].
+    pub performed: Option<Category>,
+    /// What the tags are on, in the order of their numbers, by label.
+    pub objects: Vec<Object>,
+    /// Number of the target's tag.
+    pub target: Option<usize>,
+    /// Number of the scene.
+    pub scene: usize,
+    /// Number of the person in the scene.
+    pub person: usize,
+    /// From the radar to the person, m.
+    pub distance_m: f32,
+    /// Bearing of the person, to the right of the radar's boresight, deg.
+    pub bearing_deg: f32,
+    /// Where the person looks, deg; 0 is towards the radar.
+    pub facing_deg: f32,
+    #[serde(skip)]
+    place: Vec2,
+}
+
+/// What a stream of random numbers is for.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Purpose {
+    /// Who, where, with what.
+    Draw,
+    /// How they move.
+    Motion,
+    /// Noise of the radar.
+    Radar,
+    /// Reads of tags.
+    Rfid,
+    /// A reader's session, which many samples share.
+    Session,
+}
+
+/// The stream of random numbers for one purpose of one sample; domains share none.
+pub fn stream(domain: Domain, seed: u64, sample: u32, purpose: Purpose) -> ChaCha8Rng {
+    let mut rng = ChaCha8Rng::seed_from_u64(seed);
+    rng.set_stream((domain as u64) << 40 | (purpose as u64) << 32 | u64::from(sample));
+    rng
+}
+
+/// All labels, in the order of the samples.
+fn labels(wanted: &Wanted<'_>) -> Vec<Option<Category>> {
+    let nothing = (f64::from(wanted.samples) * wanted.nothing).round() as usize;
+    let mut labels = vec![None; nothing.min(wanted.samples as usize)];
+    let rest = wanted.samples as usize - labels.len();
+    labels.extend(wanted.categories.iter().copied().map(Some).cycle().take(rest));
+    labels.shuffle(&mut stream(wanted.domain, wanted.seed, u32::MAX, Purpose::Draw));
+    labels
+}
+
+/// Draws all samples.
+///
+/// # Panics
+/// If there are no scenes, or one of them lacks people, places or a tag for an object.
+pub fn draw(wanted: &Wanted<'_>, scenes: &[Scene]) -> Vec<Draw> {
+    let labels = labels(wanted);
+    (0..).zip(labels).map(|(sample, label)| one(wanted, scenes, sample, label)).collect()
+}
+
+fn one(wanted: &Wanted<'_>, scenes: &[Scene], sample: u32, performed: Option<Category>) -> Draw {
+    let rng = &mut stream(wanted.domain, wanted.seed, sample, Purpose::Draw);
+    let scene = rng.random_range(0..scenes.len());
+    let person = rng.random_range(0..scenes[scene].people.len());
+    let place = stand(wanted.domain, &scenes[scene], rng);
+    // Objects that the set does not know stay out of it.
+    let known = |object: &Object| {
+        wanted.expand
+            || CATEGORIES.iter().any(|c| c.object == *object)
+            || wanted.categories.iter().any(|c| c.object == *object)
+    };
+    let mut others: Vec<Object> = Object::ALL.iter().copied().filter(known).collect();
+    others.retain(|o| performed.is_none_or(|p| p.object != *o));
+    others.shuffle(rng);
+    let mut objects: Vec<Object> = performed.iter().map(|p| p.object).chain(others).take(SAMPLE_TAGS).collect();
+    objects.shuffle(rng);
+    let target = performed.and_then(|p| objects.iter().position(|o| *o == p.object));
+    let label = match (performed, target) {
+        (Some(performed), Some(target)) if wanted.expand && performed.action.is_object_agnostic() => {
+            let carried: Vec<Object> = Object::ALL.iter().copied().filter(|o| o.is_carried()).collect();
+            let new = carried.choose(rng).copied().unwrap_or(performed.object);
+            // One of each kind: the other one of that name takes the old name.
+            if let Some(other) = objects.iter().position(|o| *o == new) {
+                objects[other] = performed.object;
+            }
+            objects[target] = new;
+            Some(Category { object: new, ..performed })
+        }
+        _ => performed,
+    };
+    let radar = &scenes[scene].radar;
+    let seen = radar.axes() * (place.position.extend(radar.position.z) - radar.position);
+    Draw {
+        sample,
+        label,
+        performed,
+        objects,
+        target,
+        scene,
+        person,
+        distance_m: seen.truncate().length(),
+        bearing_deg: libm::atan2f(seen.x, seen.y).to_degrees(),
+        facing_deg: place.facing_rad.to_degrees(),
+        place: place.position,
+    }
+}
+
+/// Where somebody stands: in `train` anywhere the paper had people, in `site` at one of the scene's places, facing
+/// where the room lets their hands be.
+fn stand(domain: Domain, scene: &Scene, rng: &mut ChaCha8Rng) -> Place {
+    let facing = |rng: &mut ChaCha8Rng| FACING_DEG.choose(rng).copied().unwrap_or(0.0).to_radians();
+    match domain {
+        Domain::Train => {
+            let distance_m = rng.random_range(DISTANCE_M);
+            let bearing = rng.random_range(-BEARING_DEG..BEARING_DEG).to_radians();
+            let ahead = glam::Vec3::new(libm::sinf(bearing), libm::cosf(bearing), 0.0) * distance_m;
+            let position = scene.radar.position + scene.radar.axes().transpose() * ahead;
+            Place { position: position.truncate(), facing_rad: facing(rng) }
+        }
+        Domain::Site => {
+            let place = scene.places[rng.random_range(0..scene.places.len())];
+            let turned = Place { facing_rad: facing(rng), ..place };
+            // The file's own way to look is known to be free.
+            if scene.is_free(&turned) { turned } else { place }
+        }
+    }
+}
+
+impl Draw {
+    /// Where the person stands and looks.
+    pub fn place(&self) -> Place {
+        Place { position: self.place, facing_rad: self.facing_deg.to_radians() }
+    }
+
+    /// What the tags are really on, in the order of their numbers.
+    pub fn performed_objects(&self) -> Vec<Object> {
+        let mut objects = self.objects.clone();
+        if let (Some(performed), Some(target)) = (self.performed, self.target) {
+            let labelled = objects[target];
+            if let Some(other) = objects.iter().position(|o| *o == performed.object) {
+                objects[other] = labelled;
+            }
+            objects[target] = performed.object;
+        }
+        objects
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::collections::{BTreeMap, BTreeSet};
+
+    use super::*;
+
+    fn wanted(domain: Domain) -> Wanted<'static> {
+        Wanted { domain, seed: 7, samples: 340, categories: &CATEGORIES, nothing: 0.0, expand: false }
+    }
+
+    fn scenes() -> Vec<Scene> {
+        ["working-space", "kitchen"].map(|name| Scene::named(name).unwrap()).to_vec()
+    }
+
+    #[test]
+    fn categories_come_out_even_and_targets_everywhere() {
+        let draws = draw(&wanted(Domain::Site), &scenes());
+        let mut counts = BTreeMap::new();
+        for d in &draws {
+            *counts.entry(d.label.unwrap()).or_insert(0) += 1;
+            assert_eq!(d.objects.iter().collect::<BTreeSet<_>>().len(), SAMPLE_TAGS);
+            assert_eq!(d.objects[d.target.unwrap()], d.label.unwrap().object);
+            assert!(d.objects.iter().all(|o| o.index() < 8), "unseen objects stay unseen");
+            assert!((0.9..3.05).contains(&d.distance_m) && d.bearing_deg.abs() < 46.0, "{d:?}");
+        }
+        assert!(counts.values().all(|&n| n == 20), "{counts:?}");
+        assert_eq!(draws.iter().map(|d| d.target).collect::<BTreeSet<_>>().len(), SAMPLE_TAGS);
+        assert_eq!(draws.iter().map(|d| d.facing_deg as i32).collect::<BTreeSet<_>>().len(), 7);
+    }
+
+    #[test]
+    fn a_sample_does_not_depend_on_how_many_there_are_but_on_seed_and_domain() {
+        let site = draw(&wanted(Domain::Site), &scenes());
+        assert_eq!(site, draw(&wanted(Domain::Site), &scenes()));
+        assert_ne!(site, draw(&Wanted { seed: 8, ..wanted(Domain::Site) }, &scenes()));
+        assert_ne!(site[0].objects, draw(&wanted(Domain::Train), &scenes())[0].objects);
+    }
+
+    #[test]
+    fn a_share_is_no_interaction() {
+        let draws = draw(&Wanted { nothing: 0.1, ..wanted(Domain::Train) }, &scenes());
+        let nothing = draws.iter().filter(|d| d.label.is_none());
+        assert_eq!(nothing.clone().count(), 34);
+        assert!(nothing.clone().all(|d| d.target.is_none() && d.objects.len() == SAMPLE_TAGS));
+    }
+
+    #[test]
+    fn expansion_replaces_objects_of_actions_that_do_not_care() {
+        let draws = draw(&Wanted { expand: true, ..wanted(Domain::Train) }, &scenes());
+        let changed = draws.iter().filter(|d| d.label != d.performed).collect::<Vec<_>>();
+        // 8 of 17 categories, 8 of 9 draws.
+        assert!((120..165).contains(&changed.len()), "{}", changed.len());
+        for d in &draws {
+            let (label, performed, target) = (d.label.unwrap(), d.performed.unwrap(), d.target.unwrap());
+            assert_eq!((label.action, d.objects[target]), (performed.action, label.object));
+            assert!(label == performed || label.action.is_object_agnostic());
+            let really = d.performed_objects();
+            assert_eq!(really[target], performed.object);
+            assert_eq!(really.iter().collect::<BTreeSet<_>>().len(), SAMPLE_TAGS);
+        }
+        assert!(changed.iter().any(|d| d.label.unwrap().object == Object::Jar));
+    }
+}
