@@ -40,7 +40,8 @@ pub(super) fn check(document: &mut Document<'_>, draft: &Draft) {
     let Some(room) = draft.room.as_ref().map(|r| r.value) else { return };
     for At { line, value } in &draft.furniture {
         if let Some(corner) = value.corners().into_iter().find(|&c| !touches(&room, c)) {
-            let sentence = format!("{} reaches out of the room, to {}; {}", value.name, at(corner), walls(&room));
+            let sentence =
+                format!("{} reaches out of the room, to {}; {}", value.name, at(corner), walls(&room));
             document.complain(*line, sentence);
         }
     }
@@ -110,7 +111,8 @@ fn duplicates(document: &mut Document<'_>, draft: &Draft) {
     let names: Vec<_> = people.chain(furniture).collect();
     for (number, (line, kind, name)) in names.iter().enumerate() {
         if let Some((first, ..)) = names[..number].iter().find(|(_, k, n)| (k, n) == (kind, name)) {
-            let sentence = format!("there is a {kind} {name:?} at line {first} already: give each its own name");
+            let sentence =
+                format!("there is a {kind} {name:?} at line {first} already: give each its own name");
             document.complain(*line, sentence);
         }
     }

@@ -36,7 +36,6 @@ pub enum SceneError {
 }
 
 fn listed(file: &std::path::Path, complaints: &[Complaint]) -> String {
-    let sentences =
-        complaints.iter().map(|c| format!("{}, line {}: {}", file.display(), c.line, c.sentence));
+    let sentences = complaints.iter().map(|c| format!("{}, line {}: {}", file.display(), c.line, c.sentence));
     sentences.collect::<Vec<_>>().join("\n")
 }

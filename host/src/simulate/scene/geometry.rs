@@ -135,7 +135,10 @@ impl Scene {
         }
         // Right-handed with the normal: u x v points outwards.
         let (u_axis, v_axis) = ((axis + 1) % 3, (axis + 2) % 3);
-        let (u, v) = (to_room.col(u_axis) * sign * furniture.size[u_axis], to_room.col(v_axis) * furniture.size[v_axis]);
+        let (u, v) = (
+            to_room.col(u_axis) * sign * furniture.size[u_axis],
+            to_room.col(v_axis) * furniture.size[v_axis],
+        );
         let cells = |length: f32| (length / FACET_M).ceil().max(1.0) as u32;
         let (columns, rows) = (cells(furniture.size[u_axis]), cells(furniture.size[v_axis]));
         let first = vertices.len() as u32;
@@ -194,7 +197,8 @@ mod tests {
 
     #[test]
     fn facets_face_outwards_are_small_and_cover_the_box() {
-        let scene = Scene { room: ROOM, furniture: vec![cupboard(0.4)], ..Scene::named("open-room").unwrap() };
+        let scene =
+            Scene { room: ROOM, furniture: vec![cupboard(0.4)], ..Scene::named("open-room").unwrap() };
         let (surface, vertices) = scene.fixtures();
         assert_eq!(surface.triangles.len(), surface.reflectivity.len());
         let mut area = 0.0;
@@ -217,7 +221,9 @@ mod tests {
         assert!(turned.contains(Vec3::new(1.0, 3.35, 1.0)) && !turned.contains(Vec3::new(1.35, 3.0, 1.0)));
         let slightly = cupboard(0.3);
         // Its right end comes nearer to the radar's wall.
-        assert!(slightly.contains(Vec3::new(1.35, 2.9, 1.0)) && !slightly.contains(Vec3::new(1.35, 3.15, 1.0)));
+        assert!(
+            slightly.contains(Vec3::new(1.35, 2.9, 1.0)) && !slightly.contains(Vec3::new(1.35, 3.15, 1.0))
+        );
     }
 
     #[test]
@@ -244,8 +250,8 @@ mod tests {
     #[test]
     fn rays_end_at_walls() {
         let from = Vec3::new(0.0, 0.2, 1.0);
-        assert_eq!(ROOM.distance_to_wall(from, Vec3::Y), 4.8);
-        assert!((ROOM.distance_to_wall(from, Vec3::NEG_Y) - 0.2).abs() < 1e-6);
-        assert_eq!(ROOM.distance_to_wall(from, Vec3::Z), 1.6);
+        for (direction, distance) in [(Vec3::Y, 4.8), (Vec3::NEG_Y, 0.2), (Vec3::Z, 1.6)] {
+            assert!((ROOM.distance_to_wall(from, direction) - distance).abs() < 1e-6);
+        }
     }
 }

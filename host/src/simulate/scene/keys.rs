@@ -19,13 +19,7 @@ pub(super) enum Value {
     /// A text; it must be given.
     Text,
     /// Numbers within bounds; they must be given unless there is a default.
-    Numbers {
-        count: Count,
-        unit: &'static str,
-        least: f64,
-        most: f64,
-        default: Option<&'static [f64]>,
-    },
+    Numbers { count: Count, unit: &'static str, least: f64, most: f64, default: Option<&'static [f64]> },
 }
 
 /// How many numbers.
@@ -43,7 +37,6 @@ pub(super) enum Count {
 pub(super) const TOP: &str = "";
 pub(super) const ROOM: &str = "[room]";
 pub(super) const RADAR: &str = "[radar]";
-pub(super) const PROFILE: &str = "[profile]";
 pub(super) const READER: &str = "[reader]";
 pub(super) const ANTENNAS: &str = "[[reader.antennas]]";
 pub(super) const FURNITURE: &str = "[[furniture]]";

@@ -84,12 +84,8 @@ pub(super) fn draft(document: &mut Document<'_>, table: &DeTable<'_>, path: &Pat
     let tags = document.sections(&top, ("tags", keys::TAGS));
     let people = document.sections(&top, ("people", keys::PEOPLE));
     let places = document.sections(&top, ("places", keys::PLACES));
-    let listed = Listed {
-        antennas: antennas.len(),
-        tags: tags.len(),
-        people: people.len(),
-        places: places.len(),
-    };
+    let listed =
+        Listed { antennas: antennas.len(), tags: tags.len(), people: people.len(), places: places.len() };
     let (radar, depth_line, profile) = radar(document, &top, path);
     Draft {
         name,
@@ -245,7 +241,8 @@ fn tag(document: &mut Document<'_>, section: &Section<'_>) -> Option<(At<Tag>, u
     let object = if section.table.contains_key(keys::OBJECT.name) {
         document.text(section, &keys::OBJECT).and_then(|text| object(document, &text))
     } else {
-        let sentence = format!("this tag is on no object; add object = \"book\", or another of {}", objects());
+        let sentence =
+            format!("this tag is on no object; add object = \"book\", or another of {}", objects());
         document.complain(section.line, sentence);
         None
     };
