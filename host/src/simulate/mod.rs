@@ -21,6 +21,7 @@
 pub mod effects;
 mod performance;
 pub mod recording;
+pub mod rfid;
 pub mod scene;
 
 pub use performance::{Capsule, Performance, Surface};
