@@ -22,6 +22,7 @@ pub mod effects;
 mod performance;
 pub mod radar;
 pub mod recording;
+pub mod rfid;
 pub mod scene;
 
 pub use performance::{Capsule, Performance, Surface};
