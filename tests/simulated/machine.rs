@@ -119,6 +119,12 @@ pub fn llrpkit() -> Command {
     Command::new(if installed.exists() { installed } else { PathBuf::from("llrpkit") })
 }
 
+/// The Python of the workspace's virtual environment, or else the system's.
+pub fn python() -> Command {
+    let installed = workspace().join("target/venv/bin/python");
+    Command::new(if installed.exists() { installed } else { PathBuf::from("python3") })
+}
+
 /// llrpkit's emulator of an Impinj reader, reading this many tags a second; `None` where it is not installed, which is
 /// told.
 ///

@@ -6,8 +6,8 @@ use rand::seq::SliceRandom;
 use rand::{Rng, RngExt};
 use rfhoi_shared::units::{ChannelIndex, Kilohertz};
 
-use crate::phase::ChannelPlan;
 use super::normal;
+use crate::phase::ChannelPlan;
 use crate::simulate::effects::Effects;
 
 /// Longest stay on a channel, s. A still tag's recording (`Test15-5-0`): a hop every 203 ms in the median, in which 14

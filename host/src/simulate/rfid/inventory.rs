@@ -18,8 +18,8 @@ use crate::simulate::scene::{Scene, Tag};
 use crate::simulate::{Capsule, Performance};
 
 /// From a round's slots to the next round's, s: reads of a single tag by a single antenna are 14.03 ms apart within a
-/// channel (`Test15-5-0`), of which a slot takes 0.62 ms.
-const BETWEEN_ROUNDS_S: f64 = 0.013_41;
+/// channel (`Test15-5-0`), of which the query and the slot take 0.79 ms.
+const BETWEEN_ROUNDS_S: f64 = 0.013_24;
 /// Its jitter, standard deviation, s: that of those reads.
 const JITTER_S: f64 = 0.000_36;
 /// Rounds before the next antenna has its turn.
@@ -182,8 +182,9 @@ impl<'a> Inventory<'a> {
             }
         }
         let mut identified = std::mem::take(&mut self.identified);
-        let (length_s, slots) =
-            self.q.round(&self.options.mode, &answers, &mut self.rng, |tag, after| identified.push((tag, after)));
+        let (length_s, slots) = self
+            .q
+            .round(&self.options.mode, &answers, &mut self.rng, |tag, after| identified.push((tag, after)));
         for (tag, after_s) in identified.drain(..) {
             self.read(tag, self.now_s + after_s);
         }

@@ -130,7 +130,8 @@ fn nearest(first: [Vec3; 2], second: [Vec3; 2]) -> [Vec3; 2] {
     let (d1, d2, between) = (first[1] - first[0], second[1] - second[0], first[0] - second[0]);
     let (a, e, f) = (d1.length_squared(), d2.length_squared(), d2.dot(between));
     let (b, c) = (d1.dot(d2), d1.dot(between));
-    let share = |over: f32, under: f32| if under > f32::EPSILON { (over / under).clamp(0.0, 1.0) } else { 0.0 };
+    let share =
+        |over: f32, under: f32| if under > f32::EPSILON { (over / under).clamp(0.0, 1.0) } else { 0.0 };
     let mut s = share(b * f - c * e, a * e - b * b);
     let t = share(b * s + f, e);
     s = share(b * t - c, a);
