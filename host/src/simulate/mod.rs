@@ -18,11 +18,15 @@
 //!
 //! What is computed beyond the direct paths is a matter of [`effects`], each a switch.
 
+pub mod body;
 pub mod effects;
 mod performance;
 pub mod radar;
 pub mod recording;
 pub mod rfid;
 pub mod scene;
+mod shape;
+mod stage;
+pub mod perform;
 
 pub use performance::{Capsule, Performance, Surface};

@@ -1,0 +1,14 @@
+//! A person's body: from a height and a build, a skeleton of 20 joints, and a triangle mesh that follows the joints.
+//!
+//! Whoever moves a body, a plan or a recording, gives the positions of its joints ([`Joints`]); bones turn with them and
+//! carry their part of the mesh rigidly. Twists of a limb about itself are not modelled: its cross-section is round.
+
+mod frame;
+mod mesh;
+mod skeleton;
+#[cfg(test)]
+mod tests;
+
+pub(crate) use frame::{arc, basis};
+pub use mesh::Body;
+pub use skeleton::{Joint, Joints, Lengths, Side};

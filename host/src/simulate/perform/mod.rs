@@ -1,0 +1,213 @@
+//! People who act: from a person, a place and a label, a simulated [`Performance`](super::Performance).
+//!
+//! A script of overlapping strokes ([`Manner`]) moves the hips, the trunk and the hands; arms and legs follow by inverse
+//! kinematics, feet stay where they stand. The thing that is acted on follows the hand from grasp to release, or turns
+//! about its hinge with the hand at its edge; table and chair stay. Speed, hand, path, hesitation, posture and where things
+//! lie are drawn anew each time; the same seed gives the same.
+
+mod actions;
+mod idle;
+mod manner;
+mod planner;
+mod posture;
+mod script;
+mod stroke;
+#[cfg(test)]
+mod tests;
+mod thing;
+mod workplace;
+
+use std::ops::Range;
+
+use glam::{Quat, Vec3};
+use rand::RngExt;
+use rand_chacha::ChaCha8Rng;
+
+pub use self::manner::Manner;
+use self::planner::Planner;
+use self::thing::Thing;
+use self::workplace::Workplace;
+use super::Surface;
+use super::body::{Body, Joints, Side};
+use super::scene::{Person, Place};
+use super::shape::Solid;
+use super::stage::{Instant, Mount, Pose, Stage, Staged};
+use crate::hoi::{CATEGORIES, Category, Object, UNSEEN};
+
+/// Shortest sample, s: the paper's.
+pub const SHORTEST_S: f64 = 2.4;
+/// Heights of people that can be simulated, m.
+pub const HEIGHTS_M: Range<f32> = 1.4..2.1;
+/// Girths of people that can be simulated.
+pub const BUILDS: Range<f32> = 0.7..1.5;
+
+/// What is to be performed.
+#[derive(Debug, Clone)]
+pub struct Brief<'a> {
+    /// Who acts.
+    pub person: &'a Person,
+    /// Where.
+    pub place: Place,
+    /// What they do; `None` for something that is no interaction.
+    pub label: Option<Category>,
+    /// What lies around; tag number i is on object number i. The label's object is one of them.
+    pub objects: &'a [Object],
+    /// How they move.
+    pub manner: Manner,
+}
+
+/// Why a brief cannot be performed.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+pub enum BriefError {
+    /// The object acted on is not there.
+    #[error("{0} needs its object among the objects")]
+    NoTarget(Category),
+    /// Nobody does that.
+    #[error("{0} is none of the categories")]
+    NoCategory(Category),
+    /// An object is there twice.
+    #[error("{0} is there twice: a sample has one of each")]
+    Twice(Object),
+    /// No such people.
+    #[error("{name} is {height_m} m tall with a build of {build}: need {HEIGHTS_M:?} m and {BUILDS:?}")]
+    Size {
+        /// Their name.
+        name: String,
+        /// Their height, m.
+        height_m: f32,
+        /// Their build.
+        build: f32,
+    },
+}
+
+/// A simulated sample.
+#[derive(Debug, Clone)]
+pub struct Generated {
+    stage: Stage,
+    side: Side,
+    target: Option<usize>,
+    interaction_s: Range<f64>,
+    contact: Option<(f64, Vec3)>,
+    fixtures: (Surface, Vec<Vec3>),
+}
+
+impl Generated {
+    /// Performs `brief`, with variation drawn from `rng`.
+    ///
+    /// # Errors
+    /// Any [`BriefError`].
+    pub fn new(brief: &Brief<'_>, rng: &mut ChaCha8Rng) -> Result<Self, BriefError> {
+        let target = brief.check()?;
+        let ranges = brief.manner.ranges();
+        let body = Body::new(brief.person.height_m, brief.person.build);
+        let lengths = *body.lengths();
+        let side = if rng.random_bool(ranges.left) { Side::Left } else { Side::Right };
+        let workplace = Workplace::new(brief.objects, brief.label, &lengths, side, rng);
+        let mut planner = Planner::new(lengths, side, ranges, rng);
+        planner.wait(&ranges.before_s);
+        let begin_s = planner.now_s;
+        match brief.label.zip(target) {
+            Some((label, i)) => {
+                let (thing, pose) = &workplace.things[i];
+                planner.act(label.action, thing, *pose, workplace.surface);
+            }
+            None => planner.pass_time(workplace.surface),
+        }
+        let end_s = planner.now_s;
+        planner.wait(&ranges.after_s);
+        if planner.now_s < SHORTEST_S {
+            planner.now_s = SHORTEST_S;
+            planner.wait(&(0.0..0.4));
+        }
+        let (duration_s, script, contact) = (planner.now_s, planner.script, planner.contact);
+
+        let moving = target.filter(|_| script.held.is_some());
+        let to_room = in_room(&brief.place);
+        let tag = |(i, (thing, pose)): (usize, &(Thing, Pose))| {
+            if moving == Some(i) { Mount::Thing(thing.tag) } else { Mount::Still(to_room.point(pose.point(thing.tag))) }
+        };
+        let tags = workplace.things.iter().enumerate().map(tag).collect();
+        let moved = moving.map_or_else(Solid::default, |i| workplace.things[i].0.moving.clone());
+        let fixtures = workplace.fixtures(moving);
+        let stage = Stage::new(duration_s, body, moved, tags, |time_s| {
+            let Instant { joints, breath_m, thing } = script.at(time_s);
+            let thing = thing.map(|pose| to_room.after(&pose));
+            Instant { joints: joints.map(|joint| to_room.point(joint)), breath_m, thing }
+        });
+        let fixtures = (fixtures.surface, fixtures.vertices.iter().map(|&v| to_room.point(v)).collect());
+        let contact = contact.map(|(time_s, place)| (time_s, to_room.point(place)));
+        Ok(Self { stage, side, target, interaction_s: begin_s..end_s, contact, fixtures })
+    }
+
+    /// Where the hand that acts is at `time_s`, m: the paper's stand-in for the object.
+    pub fn hand(&self, time_s: f64) -> Vec3 {
+        self.stage.joint(self.side.hand(), time_s)
+    }
+
+    /// The hand that acts.
+    pub fn side(&self) -> Side {
+        self.side
+    }
+
+    /// Number of the object that is acted on.
+    pub fn target(&self) -> Option<usize> {
+        self.target
+    }
+
+    /// All joints at `time_s`, m.
+    pub fn joints(&self, time_s: f64) -> Joints {
+        self.stage.joints(time_s)
+    }
+
+    /// From the first movement to the last, s; within the sample.
+    pub fn interaction_s(&self) -> Range<f64> {
+        self.interaction_s.clone()
+    }
+
+    /// When, s, and where, m, the hand that acts arrives at what it takes, leaves, swings or wipes; `None` if it touches
+    /// nothing.
+    pub fn contact(&self) -> Option<(f64, Vec3)> {
+        self.contact
+    }
+
+    /// What stays where it is, triangles and vertices in the room: furniture of the workplace, and things at rest.
+    pub fn fixtures(&self) -> (&Surface, &[Vec3]) {
+        (&self.fixtures.0, &self.fixtures.1)
+    }
+}
+
+impl Staged for Generated {
+    fn stage(&self) -> &Stage {
+        &self.stage
+    }
+}
+
+impl Brief<'_> {
+    /// Number of the object that is acted on.
+    fn check(&self) -> Result<Option<usize>, BriefError> {
+        let Person { name, height_m, build } = self.person;
+        if !HEIGHTS_M.contains(height_m) || !BUILDS.contains(build) {
+            return Err(BriefError::Size { name: name.clone(), height_m: *height_m, build: *build });
+        }
+        for (i, object) in self.objects.iter().enumerate() {
+            if self.objects[..i].contains(object) {
+                return Err(BriefError::Twice(*object));
+            }
+        }
+        let Some(label) = self.label else { return Ok(None) };
+        if !CATEGORIES.contains(&label) && !UNSEEN.contains(&label) {
+            return Err(BriefError::NoCategory(label));
+        }
+        match self.objects.iter().position(|&o| o == label.object) {
+            Some(target) => Ok(Some(target)),
+            None => Err(BriefError::NoTarget(label)),
+        }
+    }
+}
+
+/// From the axes of a person at `place` to the room.
+pub(crate) fn in_room(place: &Place) -> Pose {
+    // A facing of 0 looks along -y.
+    let turn = Quat::from_rotation_z(std::f32::consts::PI + place.facing_rad);
+    Pose { at: place.position.extend(0.0), turn }
+}

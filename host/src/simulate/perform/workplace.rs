@@ -1,0 +1,142 @@
+//! Where things are around a person: on a table in front of them, a cabinet above it, a chair behind or beside them.
+//!
+//! Person's axes: x to the right, y forward, z up, from the floor where they stand.
+
+use glam::{Quat, Vec3};
+use rand::RngExt;
+use rand_chacha::ChaCha8Rng;
+
+use super::thing::{SEAT_HALF, TABLE_DEPTH, TABLE_WIDTH, Thing, table};
+use crate::hoi::{Category, Object};
+use crate::simulate::body::{Lengths, Side};
+use crate::simulate::shape::Solid;
+use crate::simulate::stage::Pose;
+
+/// Things and where they are.
+pub(super) struct Workplace {
+    /// One for each object, as it is when it is at rest, lying or closed.
+    pub(super) things: Vec<(Thing, Pose)>,
+    /// A table that is none of the objects.
+    table: Option<(Thing, Pose)>,
+    /// Middle of the free surface in front of the person, m.
+    pub(super) surface: Vec3,
+}
+
+/// How far behind the ankles hips are when they sit, as a share of the height: what the thighs leave with shins upright.
+pub(super) const SEATED_BACK: f32 = 0.215;
+
+fn upright(at: Vec3, yaw: f32) -> Pose {
+    Pose { at, turn: Quat::from_rotation_z(yaw) }
+}
+
+impl Workplace {
+    /// Lays out `objects` for a person who acts with the hand of `side`.
+    pub(super) fn new(
+        objects: &[Object],
+        label: Option<Category>,
+        lengths: &Lengths,
+        side: Side,
+        rng: &mut ChaCha8Rng,
+    ) -> Self {
+        let height = rng.random_range(0.72..0.76);
+        let near = rng.random_range(0.22..0.30);
+        let surface = Vec3::new(0.0, near + 0.5 * TABLE_DEPTH, height);
+        let target = label.map(|l| l.object);
+        let mut taken: Vec<(Vec3, f32)> = Vec::new();
+        if let Some(Object::Microwave) = target {
+            // Its door needs room.
+            taken.push((surface - Vec3::Y * 0.1, 0.35));
+        }
+        // The target chooses its place first, then the largest.
+        let mut order: Vec<usize> = (0..objects.len()).collect();
+        order.sort_by_key(|&i| (Some(objects[i]) != target, objects[i] != Object::Microwave));
+        let mut things: Vec<Option<(Thing, Pose)>> = vec![None; objects.len()];
+        for i in order {
+            let object = objects[i];
+            let acted_on = Some(object) == target;
+            let action = label.filter(|_| acted_on).map(|l| l.action);
+            let mirrored = object == Object::Cabinet && rng.random_bool(0.5);
+            let thing =
+                if object == Object::Table { table(height) } else { Thing::new(object, action, mirrored) };
+            let yaw = rng.random_range(-0.3_f32..0.3);
+            let placed = match object {
+                Object::Table => (thing, upright(surface.with_z(0.0), 0.0)),
+                Object::Chair => {
+                    let at = if acted_on {
+                        Vec3::NEG_Y * (SEATED_BACK * lengths.height - 0.25 * SEAT_HALF)
+                    } else {
+                        let aside = rng.random_range(0.95..1.1) * if rng.random_bool(0.5) { -1.0 } else { 1.0 };
+                        Vec3::new(aside, rng.random_range(-0.2..0.3), 0.0)
+                    };
+                    (thing, upright(at, if acted_on { 0.0 } else { 2.0 * yaw }))
+                }
+                Object::Cabinet => {
+                    // On the wall, its lower edge well above the table and within reach.
+                    let x = if acted_on { rng.random_range(-0.1..0.2) * side.sign() } else { rng.random_range(-0.6..0.6) };
+                    let base = (0.72 * lengths.height).max(height + 0.4);
+                    (thing, upright(Vec3::new(x, near + 0.40, base), 0.0))
+                }
+                Object::Microwave => {
+                    let x = if acted_on {
+                        rng.random_range(-0.12..0.12)
+                    } else {
+                        rng.random_range(0.40..0.46) * if rng.random_bool(0.5) { -1.0 } else { 1.0 }
+                    };
+                    let at = Vec3::new(x, near + TABLE_DEPTH - 0.17, height);
+                    taken.push((at, thing.radius));
+                    (thing, upright(at, 0.0))
+                }
+                _ => {
+                    let at = if acted_on {
+                        let aside = rng.random_range(-0.08..0.36) * side.sign();
+                        Vec3::new(aside, near + rng.random_range(0.12..0.34), height)
+                    } else {
+                        free_place(&taken, thing.radius, surface, rng)
+                    };
+                    taken.push((at, thing.radius));
+                    (thing, upright(at, yaw))
+                }
+            };
+            things[i] = Some(placed);
+        }
+        let lies_on = |o: &Object| o.is_carried() || *o == Object::Microwave;
+        let needs_table = objects.iter().any(lies_on) && !objects.contains(&Object::Table);
+        let table = needs_table.then(|| (table(height), upright(surface.with_z(0.0), 0.0)));
+        Self { things: things.into_iter().flatten().collect(), table, surface }
+    }
+
+    /// All that stays where it is while `moving` moves.
+    pub(super) fn fixtures(&self, moving: Option<usize>) -> Solid {
+        let mut fixtures = Solid::default();
+        for (i, (thing, pose)) in self.things.iter().enumerate() {
+            fixtures.add(&thing.still, |v| pose.point(v));
+            if moving != Some(i) {
+                fixtures.add(&thing.moving, |v| pose.point(v));
+            }
+        }
+        if let Some((table, pose)) = &self.table {
+            fixtures.add(&table.still, |v| pose.point(v));
+        }
+        fixtures
+    }
+}
+
+/// The best of some places on a table for what takes up `radius`.
+fn free_place(taken: &[(Vec3, f32)], radius: f32, surface: Vec3, rng: &mut ChaCha8Rng) -> Vec3 {
+    const TRIES: usize = 24;
+    let place = |rng: &mut ChaCha8Rng| {
+        let half = Vec3::new(0.5 * TABLE_WIDTH - 0.1, 0.5 * TABLE_DEPTH - 0.1, 0.0);
+        let share = Vec3::new(rng.random_range(-1.0..1.0), rng.random_range(-1.0..1.0), 0.0);
+        surface + half * share
+    };
+    let room = |at: Vec3| taken.iter().map(|(other, r)| at.distance(*other) - r - radius).fold(f32::MAX, f32::min);
+    let mut best = place(rng);
+    for _ in 1..TRIES {
+        let at = place(rng);
+        // Any place with a hand's width around it will do.
+        if room(best) < 0.08 && room(at) > room(best) {
+            best = at;
+        }
+    }
+    best
+}
