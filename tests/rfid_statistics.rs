@@ -26,10 +26,10 @@ use rfhoi_shared::tag::TagRead;
 use rfhoi_shared::units::{AntennaPort, BridgeTime, CentiDbm};
 
 mod recorded;
-#[path = "rfid/still.rs"]
-mod still;
+#[path = "rfid/room.rs"]
+mod room;
 use recorded::recorded;
-use still::{Body, Room, SIDE_M};
+use room::{Body, Room, SIDE_M};
 
 const FOOT_M: f32 = 0.3048;
 
@@ -312,7 +312,7 @@ fn phase_noise_by_signal_strength() {
         bound: 0.15,
         relative: true,
     });
-    compare("Worn tags that keep still", &rows);
+    compare("The law of the noise, and worn tags that keep still", &rows);
 }
 
 #[test]

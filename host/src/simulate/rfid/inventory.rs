@@ -56,7 +56,7 @@ pub struct Options {
     /// How reader and tags talk.
     pub mode: AirMode,
     /// Share of rounds that a tag with enough power does not take part in, or is not understood in. The RDA samples, of
-    /// worn tags: 8 % of the times between two reads of a tag are longer than one and a half of the common one (116 ms).
+    /// worn tags: with ten and more, 8 % of the times between two reads of a tag are longer than 170 ms, where 116 ms is common.
     /// A tag carried past four antennas (`MoveTest1`) is missed in 79 %, whatever its signal strength.
     pub missed: f64,
     /// Reads of each tag by each antenna without [`Effects::inventory`], Hz.

@@ -9,7 +9,7 @@
 //! |---|---|---|
 //! | phase noise | 4.8 deg at -65 dBm, as 1 / amplitude | RDA: 7.7, 5.9, 4.8, 3.7, 2.95, 2.2, 1.8 at -69, -67 ... -57 dBm |
 //! | its floor | 0.5 deg | Still: 0.54 deg |
-//! | weaker than -74 dBm | 0.34 of that noise; half a turn off in 15 of 100 | RDA: 5.0, 6.6, 8.1 deg at -75, -77, -79 dBm; 25 % of differences are near half a turn, and none in a quarter |
+//! | weaker than -74 dBm | 0.34 of that noise; half a turn off in 15 of 100 | RDA: 5.0, 6.6, 8.1 deg at -75, -77, -79 dBm; 18 to 26 % of differences are near half a turn, none is near a quarter |
 //! | signal strength | 5.1 dB for each rad of phase noise, steps of 0.5 dB | RDA: 0.45 dB at -65, 0.27 dB at -59 dBm, steps included |
 //! | Doppler | 790 Hz for each rad of phase noise | RDA: 74, 47, 29, 23 Hz at -66, -62, -58, -54 dBm; Still: 7.2 Hz |
 //! | sway | 2.8 deg, 0.1 to 0.9 Hz | Still: within a channel's visits 0.75 deg, over all 2.86 deg; 8.5 deg/s in the middle |

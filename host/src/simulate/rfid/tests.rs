@@ -196,13 +196,15 @@ fn walls_are_mirrors() {
 
 #[test]
 fn strength_falls_with_the_fourth_power_of_distance() {
-    let (reads, _) =
-        Run::of(1, 3, Effects { inventory: true, ..Effects::NONE }).reads(|n, _| ahead([0.75, 1.5, 3.0][n]));
-    let scene = scene(1);
-    let open = Surroundings::new(&scene.room, &[], &Effects::NONE);
-    let rssi = |m| Link::new(open.one_way(&scene.reader.antennas[0], ahead(m), 915e6), 30.0, 5.0).rssi_dbm;
-    assert!((rssi(1.5) - rssi(3.0) - 12.04).abs() < 0.01 && (rssi(0.75) - rssi(1.5) - 12.04).abs() < 0.01);
-    assert!(reads.iter().all(|read| read.rssi.0 % 50 == 0));
+    let strength = |metres| {
+        let (reads, _) =
+            Run::of(1, 1, Effects { inventory: true, ..Effects::NONE }).reads(|_, _| ahead(metres));
+        assert!(reads.iter().all(|read| read.rssi == reads[0].rssi && read.rssi.0 % 50 == 0));
+        reads[0].rssi.dbm()
+    };
+    let levels = [0.5, 1.0, 2.0, 4.0].map(strength);
+    // 12.04 dB for each doubling, in steps of 0.5 dB.
+    assert!(levels.windows(2).all(|pair| (pair[0] - pair[1] - 12.04).abs() <= 0.5), "{levels:?}");
 }
 
 #[test]

@@ -18,11 +18,11 @@ const HEIGHT_M: f32 = 1.1;
 pub(crate) struct Room {
     pub(crate) scene: Scene,
     pub(crate) tags: Vec<Tag>,
-    /// Who stands in the way: rods from the floor up to a height.
+    /// Who stands in the way.
     pub(crate) body: Option<Body>,
 }
 
-/// Somebody who walks behind a tag.
+/// Somebody upright: where their feet are at a time.
 pub(crate) struct Body(pub(crate) Box<dyn Fn(f64) -> Vec3 + Send + Sync>);
 
 impl Room {
