@@ -1,66 +1,332 @@
 //! `rfhoi simulate`.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
-use anyhow::Context;
-use clap::Args;
+use anyhow::{Context, bail, ensure};
+use clap::{Args, ValueEnum};
 use rfhoi::atomic;
-use rfhoi::simulate::recording::{Options, record};
+use rfhoi::hoi::{Action, CATEGORIES, Category, Object, UNSEEN};
+use rfhoi::simulate::draw::{Draw, Purpose, Wanted, draw, stream};
+use rfhoi::simulate::effects::{Domain, Effects};
+use rfhoi::simulate::recording;
+use rfhoi::simulate::sample::{Take, perform};
+use rfhoi::simulate::scene::Scene;
+use rfhoi::simulate::set;
 use rfhoi_firmware::mmwave::cfg::{self, DemoOptions, LvdsStream};
-use rfhoi_shared::radar::RadarProfile;
 use serde::Serialize;
 
 use super::{ProfileArgs, Progress, report};
 
+/// The paper's synthetic data set (section 4.3).
+const PAPER_SAMPLES: u32 = 7_518;
+
 #[derive(Debug, Args)]
 pub(super) struct Simulate {
-    /// File to write: what radar and reader send, as packets (.pcap, or .pcap.gz); its profile goes beside it (.cfg).
-    #[arg(long, value_name = "FILE")]
-    recording: PathBuf,
-    /// Length, s.
-    #[arg(long, default_value_t = 4.0)]
-    seconds: f64,
-    /// Seed of all noise; the same seed gives the same bytes.
+    #[command(flatten)]
+    output: Output,
+    /// Whose data it stands for: the paper's recipe for training, or real rooms with all effects.
+    #[arg(long, value_enum, default_value_t = DomainName::Site)]
+    domain: DomainName,
+    /// Scene: a built-in room or a file (see host/scenes); give it again for more. By default open-room for train,
+    /// the paper's three rooms for site.
+    #[arg(long, value_name = "NAME|FILE")]
+    scene: Vec<String>,
+    /// Seed of everything; the same seed gives the same bytes.
     #[arg(long, default_value_t = 1)]
     seed: u64,
+    /// Effects to leave out, by name (`--effects` lists them).
+    #[arg(long, value_name = "EFFECT", value_delimiter = ',')]
+    without: Vec<String>,
+    /// Effects to add to those of the domain.
+    #[arg(long, value_name = "EFFECT", value_delimiter = ',')]
+    with: Vec<String>,
+    #[command(flatten)]
+    set: SetArgs,
+    #[command(flatten)]
+    one: OneArgs,
     #[command(flatten)]
     profile: ProfileArgs,
+}
+
+#[derive(Debug, Args)]
+#[group(required = true, multiple = false)]
+struct Output {
+    /// Folder for a data set: shards (.npz) and manifest.json. If it was begun before, it goes on.
+    #[arg(long, value_name = "DIR")]
+    set: Option<PathBuf>,
+    /// File for one sample as radar and reader send it, packets (.pcap, or .pcap.gz); its profile goes beside it (.cfg).
+    #[arg(long, value_name = "FILE")]
+    recording: Option<PathBuf>,
+    /// Only list the effects, and which domain has them.
+    #[arg(long)]
+    effects: bool,
+}
+
+#[derive(Debug, Args)]
+#[command(next_help_heading = "Data set")]
+struct SetArgs {
+    /// Samples.
+    #[arg(long, default_value_t = PAPER_SAMPLES, value_parser = clap::value_parser!(u32).range(1..=10_000_000))]
+    count: u32,
+    /// Which categories take turns.
+    #[arg(long, value_enum, default_value_t = CategoriesName::Seen)]
+    categories: CategoriesName,
+    /// Share of samples without an interaction, 0 to 1.
+    #[arg(long, value_name = "SHARE", default_value_t = 0.0)]
+    nothing: f64,
+    /// Replace objects where the action would be the same (the paper's algorithm 1).
+    #[arg(long)]
+    expand: bool,
+    /// Threads; by default one for each core.
+    #[arg(long)]
+    workers: Option<usize>,
+}
+
+#[derive(Debug, Args)]
+#[command(next_help_heading = "One sample")]
+struct OneArgs {
+    /// What is done: "pick up", "put down", "open", "close", "wipe", "sit down", "stand up" or "nothing".
+    #[arg(long, default_value = "pick up")]
+    action: String,
+    /// To what; by default the first object that the action is known with.
+    #[arg(long)]
+    object: Option<String>,
+    /// Who, by name in the scene; drawn if not given.
+    #[arg(long)]
+    person: Option<String>,
+    /// Where, counted from 1 in the scene; drawn if not given.
+    #[arg(long, value_name = "NUMBER")]
+    place: Option<usize>,
+    /// Where they look, deg; 0 is towards the radar, growing to their left. Drawn if not given.
+    #[arg(long, value_name = "DEG", allow_negative_numbers = true)]
+    facing: Option<f32>,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+enum DomainName {
+    Train,
+    Site,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+enum CategoriesName {
+    /// The paper's 17.
+    Seen,
+    /// The 10 of objects that are not among the paper's eight.
+    Unseen,
+    /// Both.
+    All,
+}
+
+#[derive(Debug, Serialize)]
+struct Recorded {
+    simulated: bool,
+    label: String,
+    scene: String,
+    seed: u64,
+    recording: PathBuf,
+    profile: PathBuf,
+    #[serde(flatten)]
+    summary: recording::Summary,
 }
 
 #[derive(Debug, Serialize)]
 struct Written {
     simulated: bool,
+    domain: Domain,
     seed: u64,
-    recording: PathBuf,
-    profile: PathBuf,
+    set: PathBuf,
     #[serde(flatten)]
-    summary: rfhoi::simulate::recording::Summary,
+    summary: set::Summary,
 }
 
 impl Simulate {
     pub(super) fn run(&self, json: bool) -> anyhow::Result<()> {
-        let name = self.recording.to_string_lossy();
+        let Output { set, recording, effects } = &self.output;
+        match (set, recording) {
+            (Some(folder), _) => self.write_set(folder, json),
+            (_, Some(file)) => self.record(file, json),
+            _ => {
+                debug_assert!(*effects, "the group asks for one");
+                list_effects(json)
+            }
+        }
+    }
+
+    fn domain(&self) -> Domain {
+        match self.domain {
+            DomainName::Train => Domain::Train,
+            DomainName::Site => Domain::Site,
+        }
+    }
+
+    fn effects(&self) -> anyhow::Result<Effects> {
+        let mut effects = Effects::of(self.domain());
+        let switched = self.without.iter().map(|n| (n, false)).chain(self.with.iter().map(|n| (n, true)));
+        for (name, on) in switched {
+            let known = || Effects::ALL.iter().map(|(name, _)| *name).collect::<Vec<_>>().join(", ");
+            *effects.switch(name).with_context(|| format!("no effect is called `{name}`: {}", known()))? = on;
+        }
+        Ok(effects)
+    }
+
+    /// The scenes, with the profile of the command line.
+    fn scenes(&self) -> anyhow::Result<Vec<Scene>> {
+        let given: Vec<&str> = match (&self.scene[..], self.domain) {
+            ([], DomainName::Train) => vec!["open-room"],
+            ([], DomainName::Site) => vec!["working-space", "storage-room", "kitchen"],
+            (given, _) => given.iter().map(String::as_str).collect(),
+        };
+        let profile = self.profile.load(None)?;
+        let load = |source: &str| -> anyhow::Result<Scene> {
+            let mut scene = Scene::load(source)?;
+            if let Some(profile) = &profile {
+                let unseen = || format!("the profile does not see all of the scene {}", scene.name);
+                scene.needs().gate(profile).with_context(unseen)?;
+                scene.radar.profile = profile.clone();
+            }
+            Ok(scene)
+        };
+        given.into_iter().map(load).collect()
+    }
+
+    fn write_set(&self, folder: &Path, json: bool) -> anyhow::Result<()> {
+        let SetArgs { count, categories, nothing, expand, workers } = self.set;
+        ensure!((0.0..=1.0).contains(&nothing), "--nothing {nothing} is no share: give 0 to 1");
+        let categories = match categories {
+            CategoriesName::Seen => CATEGORIES.to_vec(),
+            CategoriesName::Unseen => UNSEEN.to_vec(),
+            CategoriesName::All => CATEGORIES.iter().chain(&UNSEEN).copied().collect(),
+        };
+        let scenes = self.scenes()?;
+        let cores = || std::thread::available_parallelism().map_or(1, usize::from);
+        let domain = self.domain();
+        let wanted =
+            Wanted { domain, seed: self.seed, samples: count, categories: &categories, nothing, expand };
+        let options = set::Options {
+            wanted,
+            effects: self.effects()?,
+            scenes: &scenes,
+            workers: workers.unwrap_or_else(cores),
+        };
+        let progress = Progress::new(format!("simulating {count} samples"))?;
+        let summary = set::write(folder, &options, &mut |share| progress.show(share))?;
+        drop(progress);
+        report::print(
+            &Written { simulated: true, domain, seed: self.seed, set: folder.to_path_buf(), summary },
+            json,
+        )
+    }
+
+    /// The sample that the command line asks for, in its scene.
+    fn one(&self) -> anyhow::Result<(Scene, Draw)> {
+        let mut scene = self.scenes()?.swap_remove(0);
+        let OneArgs { person, place, facing, .. } = &self.one;
+        if let Some(name) = person {
+            let names = scene.people.iter().map(|p| p.name.as_str()).collect::<Vec<_>>().join(", ");
+            scene.people.retain(|p| p.name == *name);
+            ensure!(!scene.people.is_empty(), "nobody in {} is called {name}: there are {names}", scene.name);
+        }
+        if let Some(number) = *place {
+            let count = scene.places.len();
+            let chosen = number.checked_sub(1).and_then(|n| scene.places.get(n)).copied();
+            scene.places =
+                vec![chosen.with_context(|| format!("{} has places 1 to {count}, not {number}", scene.name))?];
+        }
+        let categories: Vec<Category> = self.category()?.into_iter().collect();
+        let wanted = Wanted {
+            domain: self.domain(),
+            seed: self.seed,
+            samples: 1,
+            categories: &categories,
+            nothing: if categories.is_empty() { 1.0 } else { 0.0 },
+            expand: false,
+        };
+        let scenes = [scene];
+        let mut drawn = draw(&wanted, &scenes).swap_remove(0);
+        drawn.facing_deg = facing.unwrap_or(drawn.facing_deg);
+        let [scene] = scenes;
+        Ok((scene, drawn))
+    }
+
+    /// What is to be done; `None` is nothing.
+    fn category(&self) -> anyhow::Result<Option<Category>> {
+        let OneArgs { action, object, .. } = &self.one;
+        let known = || CATEGORIES.iter().chain(&UNSEEN).copied();
+        if action == "nothing" {
+            ensure!(object.is_none(), "--object has no meaning with --action nothing");
+            return Ok(None);
+        }
+        let Some(action) = Action::named(action) else {
+            let names = Action::ALL.iter().map(|a| a.name()).collect::<Vec<_>>().join(", ");
+            bail!("no action is called `{action}`: {names}, nothing");
+        };
+        let objects = || known().filter(move |c| c.action == action);
+        let Some(object) = object else { return Ok(objects().next()) };
+        let named = Object::named(object).and_then(|object| objects().find(|c| c.object == object));
+        let names = || objects().map(|c| c.object.name()).collect::<Vec<_>>().join(", ");
+        named.map(Some).with_context(|| format!("`{action}` is known with {}, not with `{object}`", names()))
+    }
+
+    fn record(&self, file: &Path, json: bool) -> anyhow::Result<()> {
+        let name = file.to_string_lossy();
         let stem = name.strip_suffix(".gz").unwrap_or(&name);
         let stem = stem
             .strip_suffix(".pcap")
             .with_context(|| format!("{name}: name the recording .pcap or .pcap.gz"))?;
         let beside = PathBuf::from(format!("{stem}.cfg"));
-        let profile = self.profile.load(None)?.unwrap_or_else(RadarProfile::default);
-        let options = Options { profile: profile.clone(), seconds: self.seconds, seed: self.seed };
+        let (scene, drawn) = self.one()?;
+        let (domain, seed, effects) = (self.domain(), self.seed, self.effects()?);
+        let (performance, tags) = perform(domain, seed, &drawn, &scene)?;
+        let take = Take::of(&scene, &performance, &tags, effects);
+        let [mut radar, mut reader] =
+            [Purpose::Radar, Purpose::Rfid].map(|purpose| stream(domain, seed, drawn.sample, purpose));
         let progress = Progress::new(format!("simulating {name}"))?;
-        let summary = record(&self.recording, &options, &mut |share| progress.show(share))?;
+        let summary =
+            recording::record(file, &take, &mut radar, &mut reader, &mut |share| progress.show(share))?;
         drop(progress);
         let mut text = String::new();
         let demo = DemoOptions { lvds: LvdsStream::RAW, ..DemoOptions::default() };
-        cfg::write(&profile, &demo, &mut text).context("this profile cannot be written as a CLI profile")?;
+        cfg::write(&scene.radar.profile, &demo, &mut text)
+            .context("this profile cannot be written as a CLI profile")?;
         atomic::write(&beside, text.as_bytes())?;
-        let written = Written {
+        let label = drawn.label.map_or("no interaction".to_owned(), |l| l.to_string());
+        let recorded = Recorded {
             simulated: true,
-            seed: self.seed,
-            recording: self.recording.clone(),
+            label,
+            scene: scene.name,
+            seed,
+            recording: file.to_path_buf(),
             profile: beside,
             summary,
         };
-        report::print(&written, json)
+        report::print(&recorded, json)
     }
+}
+
+#[derive(Debug, Serialize)]
+struct Effect {
+    effect: &'static str,
+    train: bool,
+    site: bool,
+    what: &'static str,
+}
+
+fn list_effects(json: bool) -> anyhow::Result<()> {
+    let [mut train, mut site] = [Domain::Train, Domain::Site].map(Effects::of);
+    let mut has = |name| [&mut train, &mut site].map(|e| e.switch(name).is_some_and(|on| *on));
+    let list = Effects::ALL.iter().map(|&(effect, what)| {
+        let [train, site] = has(effect);
+        Effect { effect, train, site, what: what.trim() }
+    });
+    if json {
+        println!("{}", serde_json::to_string(&list.collect::<Vec<_>>())?);
+    } else {
+        println!("{:<16} train site", "effect");
+        let mark = |on| if on { "x" } else { "-" };
+        for Effect { effect, train, site, what } in list {
+            println!("{effect:<16} {:<5} {:<4} {what}", mark(train), mark(site));
+        }
+    }
+    Ok(())
 }

@@ -73,10 +73,8 @@ pub enum Purpose {
     Motion,
     /// Noise of the radar.
     Radar,
-    /// Reads of tags.
+    /// The reader's session and its reads.
     Rfid,
-    /// A reader's session, which many samples share.
-    Session,
 }
 
 /// The stream of random numbers for one purpose of one sample; domains share none.

@@ -16,17 +16,21 @@
 //! Room coordinates are right-handed: x to the right and y into the room as seen from the radar's wall, z up from the
 //! floor; metres, seconds, radians. A time of 0 s is the beginning of the sample.
 //!
-//! What is computed beyond the direct paths is a matter of [`effects`], each a switch.
+//! What is computed beyond the direct paths is a matter of [`effects`], each a switch. A [`sample`] is one performance as
+//! both see it; [`draw`] says what it is about, [`set`] writes many, [`recording`] writes one at the level of the wire.
 
 pub mod body;
+pub mod draw;
 pub mod effects;
+pub mod perform;
 mod performance;
 pub mod radar;
 pub mod recording;
 pub mod rfid;
+pub mod sample;
 pub mod scene;
+pub mod set;
 mod shape;
 mod stage;
-pub mod perform;
 
 pub use performance::{Capsule, Performance, Surface};

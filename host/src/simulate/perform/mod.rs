@@ -48,6 +48,8 @@ pub struct Brief<'a> {
     pub person: &'a Person,
     /// Where.
     pub place: Place,
+    /// Where the radar is, m.
+    pub radar: Vec3,
     /// What they do; `None` for something that is no interaction.
     pub label: Option<Category>,
     /// What lies around; tag number i is on object number i. The label's object is one of them.
@@ -88,6 +90,8 @@ pub struct Generated {
     target: Option<usize>,
     interaction_s: Range<f64>,
     contact: Option<(f64, Vec3)>,
+    /// Number of the object that moves, and when, s.
+    moved_s: Option<(usize, Range<f64>)>,
     fixtures: (Surface, Vec<Vec3>),
 }
 
@@ -122,11 +126,12 @@ impl Generated {
         let (duration_s, script, contact) = (planner.now_s, planner.script, planner.contact);
 
         let moving = target.filter(|_| script.held.is_some());
-        let to_room = in_room(&brief.place);
+        let to_room = in_room(&brief.place, brief.radar);
         let tag = |(i, (thing, pose)): (usize, &(Thing, Pose))| {
             if moving == Some(i) { Mount::Thing(thing.tag) } else { Mount::Still(to_room.point(pose.point(thing.tag))) }
         };
         let tags = workplace.things.iter().enumerate().map(tag).collect();
+        let moved_s = moving.zip(script.held.as_ref().map(script::Held::moved_s));
         let moved = moving.map_or_else(Solid::default, |i| workplace.things[i].0.moving.clone());
         let fixtures = workplace.fixtures(moving);
         let stage = Stage::new(duration_s, body, moved, tags, |time_s| {
@@ -136,7 +141,7 @@ impl Generated {
         });
         let fixtures = (fixtures.surface, fixtures.vertices.iter().map(|&v| to_room.point(v)).collect());
         let contact = contact.map(|(time_s, place)| (time_s, to_room.point(place)));
-        Ok(Self { stage, side, target, interaction_s: begin_s..end_s, contact, fixtures })
+        Ok(Self { stage, side, target, interaction_s: begin_s..end_s, contact, moved_s, fixtures })
     }
 
     /// Where the hand that acts is at `time_s`, m: the paper's stand-in for the object.
@@ -168,6 +173,15 @@ impl Generated {
     /// nothing.
     pub fn contact(&self) -> Option<(f64, Vec3)> {
         self.contact
+    }
+
+    /// Where tag number `tag` would be if the hand stood for the object that it moves, and all else were at rest (the paper's
+    /// section 3.4).
+    pub fn proxy(&self, tag: usize, time_s: f64) -> Vec3 {
+        match &self.moved_s {
+            Some((target, moved_s)) if *target == tag => self.hand(time_s.clamp(moved_s.start, moved_s.end)),
+            _ => super::Performance::tag(self, tag, 0.0),
+        }
     }
 
     /// What stays where it is, triangles and vertices in the room: furniture of the workplace, and things at rest.
@@ -205,9 +219,10 @@ impl Brief<'_> {
     }
 }
 
-/// From the axes of a person at `place` to the room.
-pub(crate) fn in_room(place: &Place) -> Pose {
-    // A facing of 0 looks along -y.
-    let turn = Quat::from_rotation_z(std::f32::consts::PI + place.facing_rad);
+/// From the axes of a person at `place` to the room; the radar is at `radar`.
+pub(crate) fn in_room(place: &Place, radar: Vec3) -> Pose {
+    let front = place.front(radar);
+    // Without a turn they look along y.
+    let turn = Quat::from_rotation_z(libm::atan2f(-front.x, front.y));
     Pose { at: place.position.extend(0.0), turn }
 }

@@ -1,5 +1,7 @@
 //! A script: all that a body does in a sample, as values over time. It yields joints and the thing's pose at any time.
 
+use std::ops::Range;
+
 use glam::{Quat, Vec3};
 
 use super::idle::Idle;
@@ -125,6 +127,14 @@ impl Script {
 }
 
 impl Held {
+    /// When the thing moves, s.
+    pub(super) fn moved_s(&self) -> Range<f64> {
+        match &self.moves {
+            Moves::Hinged { angle, .. } => angle.moves_s(),
+            Moves::Carried { taken_s, left_s, .. } => *taken_s..left_s + GRASP_S,
+        }
+    }
+
     /// Where the thing is when the hand is at `hand`.
     fn at(&self, hand: Vec3, time_s: f64) -> Pose {
         match &self.moves {

@@ -4,7 +4,7 @@
 //! modifications during reaching towards visual targets", J. Cognitive Neuroscience 3 (1991) for minimum jerk, R. Plamondon,
 //! "A kinematic theory of rapid human movements", Biological Cybernetics 72 (1995) for lognormal strokes.
 
-use std::ops::{Add, Mul, Sub};
+use std::ops::{Add, Mul, Range, Sub};
 
 use glam::Vec3;
 
@@ -115,6 +115,14 @@ impl<V: Amount> Channel<V> {
     /// Where all strokes so far lead to.
     pub(super) fn goal(&self) -> V {
         self.strokes.iter().fold(self.start, |sum, stroke| sum + stroke.shift)
+    }
+
+    /// From the first stroke's beginning to the last one's end, s.
+    pub(super) fn moves_s(&self) -> Range<f64> {
+        let ends = |s: &Stroke<V>| (s.onset_s, s.onset_s + s.length_s);
+        let join = |a: (f64, f64), b: (f64, f64)| (a.0.min(b.0), a.1.max(b.1));
+        let (from, to) = self.strokes.iter().map(ends).reduce(join).unwrap_or_default();
+        from..to
     }
 
     /// The value at `time_s`.

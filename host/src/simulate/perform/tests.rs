@@ -38,7 +38,7 @@ fn objects(label: Option<Category>, seed: u64) -> Vec<Object> {
 fn sample(label: Option<Category>, manner: Manner, seed: u64) -> Generated {
     let objects = objects(label, seed);
     let person = person(seed as usize);
-    let brief = Brief { person: &person, place: place(seed as usize / 3), label, objects: &objects, manner };
+    let brief = Brief { person: &person, place: place(seed as usize / 3), radar: RADAR, label, objects: &objects, manner };
     Generated::new(&brief, &mut ChaCha8Rng::seed_from_u64(seed)).unwrap()
 }
 
@@ -298,7 +298,7 @@ fn impossible_briefs_are_refused() {
     let usual = person(0);
     let label = Some(CATEGORIES[0]);
     let refused = |person: &Person, label: Option<Category>, objects: &[Object]| {
-        let brief = Brief { person, place: place(0), label, objects, manner: Manner::MinimumJerk };
+        let brief = Brief { person, place: place(0), radar: RADAR, label, objects, manner: Manner::MinimumJerk };
         Generated::new(&brief, &mut ChaCha8Rng::seed_from_u64(0)).unwrap_err()
     };
     assert!(matches!(refused(&tall, label, &[Object::Phone]), BriefError::Size { .. }));

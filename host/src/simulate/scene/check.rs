@@ -8,7 +8,7 @@ use rfhoi_shared::scene::Unmet;
 
 use super::document::{At, Document};
 use super::read::Draft;
-use super::{Furniture, Place, RadarPose, Room, SAMPLE_TAGS, needs, orientation};
+use super::{Place, RadarPose, Room, SAMPLE_TAGS, needs, orientation};
 use crate::profile;
 
 /// What a person needs around them, m.
@@ -21,8 +21,6 @@ pub const NEAREST_M: f32 = 0.9;
 pub const FIELD_OF_VIEW_RAD: f32 = core::f32::consts::FRAC_PI_3;
 /// Height of a standing person's chest over the floor, the middle of what the radar must see, m.
 const CHEST_M: f32 = 1.2;
-/// Height under which people walk, m.
-const HEADROOM_M: f32 = 2.2;
 /// Radar and antennas have no wall or furniture before them that is nearer than this, m.
 const CLEAR_M: f32 = 0.5;
 /// Antennas nearer to each other than this are at one point, m.
@@ -208,7 +206,7 @@ fn misplaced(draft: &Draft, room: &Room, radar: &RadarPose, place: &Place) -> Op
         let walls = walls(room);
         return Some(format!("{who} {what}: they need {PERSON_M} m around them; {walls}"));
     }
-    let low = || draft.furniture.iter().filter(|f| f.value.underside() < room.min.z + HEADROOM_M);
+    let low = || draft.furniture.iter().filter(|f| f.value.is_low(room));
     if let Some(f) = low().find(|f| f.value.distance_on_floor(stand) < PERSON_M - TOUCH_M) {
         let (name, line) = (&f.value.name, f.line);
         return Some(format!(
@@ -216,18 +214,14 @@ fn misplaced(draft: &Draft, room: &Room, radar: &RadarPose, place: &Place) -> Op
         ));
     }
     let facing = place.facing_rad.to_degrees().round();
-    let hands = stand + place.front(radar.position) * WORKPLACE_M;
+    let hands = place.hands(radar.position);
     if !room.contains(hands.extend(room.min.z)) {
         let walls = walls(room);
         return Some(format!(
             "{who} with facing_deg {facing} has a wall before them: their hands need {WORKPLACE_M} m; {walls}"
         ));
     }
-    let in_hands = |f: &Furniture| {
-        let height = |z: f32| f.centre.z.clamp(room.min.z, z);
-        f.entered(stand.extend(height(HEADROOM_M)), hands.extend(height(HEADROOM_M))).is_some()
-    };
-    if let Some(f) = low().find(|f| in_hands(&f.value)) {
+    if let Some(f) = low().find(|f| f.value.is_between(room, stand, hands)) {
         let (name, line) = (&f.value.name, f.line);
         return Some(format!(
             "{who} with facing_deg {facing} has {name} (line {line}) before them: their hands need {WORKPLACE_M} m for \

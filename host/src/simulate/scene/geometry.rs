@@ -2,11 +2,14 @@
 
 use glam::{Mat3, Vec2, Vec3};
 
+use super::check::WORKPLACE_M;
 use super::{Furniture, Place, Room, Scene};
 use crate::simulate::Surface;
 
 /// Longest edge of a facet of furniture, m.
 const FACET_M: f32 = 0.15;
+/// Height under which people walk, m.
+const HEADROOM_M: f32 = 2.2;
 /// Faces nearer than this to a wall are not seen, m.
 const FLUSH_M: f32 = 0.01;
 
@@ -90,9 +93,15 @@ impl Furniture {
         (local - self.size / 2.0).max(Vec3::ZERO).truncate().length()
     }
 
-    /// Height of its underside, m.
-    pub(super) fn underside(&self) -> f32 {
-        self.centre.z - self.size.z / 2.0
+    /// Whether people do not walk under it.
+    pub(super) fn is_low(&self, room: &Room) -> bool {
+        self.centre.z - self.size.z / 2.0 < room.min.z + HEADROOM_M
+    }
+
+    /// Whether it is between a person at `stand` and what their hands reach at `hands`.
+    pub(super) fn is_between(&self, room: &Room, stand: Vec2, hands: Vec2) -> bool {
+        let height = self.centre.z.clamp(room.min.z, HEADROOM_M);
+        self.is_low(room) && self.entered(stand.extend(height), hands.extend(height)).is_some()
     }
 }
 
@@ -102,9 +111,21 @@ impl Place {
         let towards = (radar.truncate() - self.position).normalize_or(Vec2::NEG_Y);
         Vec2::new(libm::cosf(self.facing_rad), libm::sinf(self.facing_rad)).rotate(towards)
     }
+
+    /// As far before them as their hands reach.
+    pub(super) fn hands(&self, radar: Vec3) -> Vec2 {
+        self.position + self.front(radar) * WORKPLACE_M
+    }
 }
 
 impl Scene {
+    /// Whether the hands of a person at `place` have room for a sample's own things.
+    pub fn is_free(&self, place: &Place) -> bool {
+        let hands = place.hands(self.radar.position);
+        self.room.contains(hands.extend(self.room.min.z))
+            && !self.furniture.iter().any(|f| f.is_between(&self.room, place.position, hands))
+    }
+
     /// The furniture as the radar sees it: triangles with outward normals, and their vertices, m. Walls are no part of
     /// it: they mirror ([`Room::images`]). Faces that stand against a wall, the floor or the ceiling are left out.
     pub fn fixtures(&self) -> (Surface, Vec<Vec3>) {

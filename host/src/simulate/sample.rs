@@ -1,0 +1,215 @@
+//! A sample: one performance as both radios see it.
+
+use std::ops::Range;
+
+use glam::Vec3;
+use rand_chacha::ChaCha8Rng;
+use rfhoi_shared::tag::{Epc, TagRead};
+use rfhoi_shared::units::{BridgeTime, Kilohertz};
+
+use super::draw::{Draw, Purpose, stream};
+use super::effects::{Domain, Effects};
+use super::perform::{Brief, Generated, Manner, BriefError};
+use super::radar::{FrameMaps, Radar, RadarError};
+use super::rfid::{self, Options as ReadOptions, ReaderSession, Situation};
+use super::scene::{Scene, Tag};
+use super::{Performance, Surface};
+use crate::hoi::Object;
+
+/// How long the reader reads before a sample begins, s: once through all channels of the hop table and some more.
+const LEAD_IN_S: f64 = 11.0;
+/// The same where there is one channel without offsets.
+const SHORT_LEAD_IN_S: f64 = 1.0;
+
+/// Why there is no sample.
+#[derive(Debug, thiserror::Error)]
+pub enum SampleError {
+    /// The radar.
+    #[error("scene {scene}: {source}")]
+    Radar {
+        /// Name of the scene.
+        scene: String,
+        /// What is wrong.
+        source: RadarError,
+    },
+    /// The performance.
+    #[error("sample {sample}: {source}")]
+    Perform {
+        /// Number of the sample.
+        sample: u32,
+        /// What is wrong.
+        source: BriefError,
+    },
+    /// No tag for an object.
+    #[error("the scene {scene} has no tag on a {object}: add [[tags]] with object = \"{object}\"")]
+    NoTag {
+        /// Name of the scene.
+        scene: String,
+        /// The object.
+        object: Object,
+    },
+}
+
+/// What both radios measured.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Sample {
+    /// Length, s.
+    pub duration_s: f64,
+    /// When the object is in somebody's hand, moves on its hinge or is sat on, s; empty without a label.
+    pub interaction_s: Range<f64>,
+    /// Maps, one for each frame period from 0 s on.
+    pub frames: Vec<FrameMaps>,
+    /// Reads by time; 0 s of the sample is at [`epoch`].
+    pub reads: Vec<TagRead>,
+    /// EPCs of the tags.
+    pub epcs: Vec<Epc>,
+    /// Doppler bins of the range-Doppler map.
+    pub loops: usize,
+    /// Columns of the range-time map.
+    pub columns: usize,
+    /// Frequency of the reader's channel 1, 2, ...
+    pub channels: Vec<Kilohertz>,
+    /// Where the tags are at each frame's beginning, m: frame by frame, tag by tag.
+    pub tags_m: Vec<Vec3>,
+}
+
+/// How long the reader reads before the sample's time 0, us.
+pub fn epoch(effects: &Effects) -> BridgeTime {
+    BridgeTime((if effects.hopping { LEAD_IN_S } else { SHORT_LEAD_IN_S } * 1e6) as u64)
+}
+
+impl Domain {
+    /// How people move in it.
+    pub fn manner(self) -> Manner {
+        match self {
+            Self::Train => Manner::MinimumJerk,
+            Self::Site => Manner::SigmaLognormal,
+        }
+    }
+}
+
+/// The performance of a draw, and its tags.
+///
+/// # Errors
+/// If the scene lacks a tag, or nobody can do that.
+pub fn perform(domain: Domain, seed: u64, draw: &Draw, scene: &Scene) -> Result<(Generated, Vec<Tag>), SampleError> {
+    let objects = draw.performed_objects();
+    let brief = Brief {
+        person: &scene.people[draw.person],
+        place: draw.place(),
+        radar: scene.radar.position,
+        label: draw.performed,
+        objects: &objects,
+        manner: domain.manner(),
+    };
+    let mut rng = stream(domain, seed, draw.sample, Purpose::Motion);
+    let generated = Generated::new(&brief, &mut rng)
+        .map_err(|source| SampleError::Perform { sample: draw.sample, source })?;
+    let tag = |object: &Object| {
+        let tag = scene.tags.iter().find(|t| t.object == *object).cloned();
+        tag.ok_or_else(|| SampleError::NoTag { scene: scene.name.clone(), object: *object })
+    };
+    Ok((generated, draw.objects.iter().map(tag).collect::<Result<_, _>>()?))
+}
+
+/// A performance in a scene, as the radios are told of it.
+#[derive(Clone, Copy)]
+pub struct Take<'a> {
+    /// The room and its devices.
+    pub scene: &'a Scene,
+    /// What moves.
+    pub performance: &'a dyn Performance,
+    /// What else stands there, besides the room's furniture.
+    pub fixtures: Option<(&'a Surface, &'a [Vec3])>,
+    /// The tags, one for each of the performance.
+    pub tags: &'a [Tag],
+    /// The performance as the paper's recipe has it (section 3.4), without [`Effects::tag_positions`].
+    pub proxy: Option<&'a Generated>,
+    /// What is simulated.
+    pub effects: Effects,
+}
+
+impl<'a> Take<'a> {
+    /// Of a generated performance.
+    pub fn of(scene: &'a Scene, performance: &'a Generated, tags: &'a [Tag], effects: Effects) -> Self {
+        let fixtures = Some(performance.fixtures());
+        Self { scene, performance, fixtures, tags, proxy: Some(performance), effects }
+    }
+
+    /// All reads, from the lead-in on, and the frequency of channel 1, 2, ...
+    ///
+    /// Without [`Effects::tag_positions`] the hand stands for the target while it moves it, and all other tags are at rest.
+    pub fn reads(&self, rng: &mut ChaCha8Rng) -> (Vec<TagRead>, Vec<Kilohertz>) {
+        let Self { scene, performance, tags, effects, .. } = *self;
+        let session = ReaderSession::draw(scene.reader.antennas.len(), tags.len(), &effects, rng);
+        let epoch = epoch(&effects);
+        let proxy = self.proxy.filter(|_| !effects.tag_positions);
+        let position = |tag: usize, time_s: f64| match proxy {
+            Some(generated) => generated.proxy(tag, time_s),
+            None => performance.tag(tag, time_s),
+        };
+        let situation = Situation { scene, performance, position: &position, tags, effects };
+        let options = ReadOptions::between(-epoch.seconds(), performance.duration_s(), epoch);
+        (rfid::simulate(situation, &session, options, rng), session.channels)
+    }
+}
+
+/// Makes samples, one after the other.
+pub struct Maker<'a> {
+    domain: Domain,
+    seed: u64,
+    effects: Effects,
+    scenes: &'a [Scene],
+    radars: Vec<Radar>,
+}
+
+impl<'a> Maker<'a> {
+    /// A maker of samples in `scenes`.
+    ///
+    /// # Errors
+    /// If a scene's radar has no antenna geometry.
+    pub fn new(domain: Domain, seed: u64, effects: Effects, scenes: &'a [Scene]) -> Result<Self, SampleError> {
+        let radar = |scene: &Scene| {
+            Radar::new(scene, effects)
+                .map_err(|source| SampleError::Radar { scene: scene.name.clone(), source })
+        };
+        let radars = scenes.iter().map(radar).collect::<Result<_, _>>()?;
+        Ok(Self { domain, seed, effects, scenes, radars })
+    }
+
+    /// Makes the sample of a draw.
+    ///
+    /// # Errors
+    /// As [`perform`].
+    pub fn make(&mut self, draw: &Draw) -> Result<Sample, SampleError> {
+        let Self { domain, seed, effects, .. } = *self;
+        let scene = &self.scenes[draw.scene];
+        let (performance, tags) = perform(domain, seed, draw, scene)?;
+        let radar = &mut self.radars[draw.scene];
+        let take = Take::of(scene, &performance, &tags, effects);
+        radar.begin(take.fixtures, &mut stream(domain, seed, draw.sample, Purpose::Radar));
+        let period_s = f64::from(radar.config().profile.frame_period().0);
+        let duration_s = performance.duration_s();
+        let count = (duration_s / period_s).ceil() as usize;
+        let (mut frames, mut tags_m) = (Vec::with_capacity(count), Vec::with_capacity(count * tags.len()));
+        for frame in 0..count {
+            let time_s = frame as f64 * period_s;
+            radar.look(&performance, time_s);
+            frames.push(radar.maps());
+            tags_m.extend((0..tags.len()).map(|tag| performance.tag(tag, time_s)));
+        }
+        let (reads, channels) = take.reads(&mut stream(domain, seed, draw.sample, Purpose::Rfid));
+        let config = radar.config();
+        Ok(Sample {
+            duration_s,
+            interaction_s: performance.interaction_s(),
+            frames,
+            reads,
+            epcs: tags.into_iter().map(|tag| tag.epc).collect(),
+            loops: config.profile.loops.into(),
+            columns: config.processing.range_time_columns.into(),
+            channels,
+            tags_m,
+        })
+    }
+}
