@@ -104,20 +104,22 @@ impl Planner<'_> {
         const STOPS: u8 = 6;
         let stops: Vec<Vec3> =
             (0..=STOPS).map(|i| grip_at(from + (to - from) * f32::from(i) / f32::from(STOPS))).collect();
-        self.touch(side, &stops);
+        self.touch(side, &stops[..1]);
         self.dwell();
         let mut angle = Channel::new(from);
         let way_m: f32 = stops.windows(2).map(|pair| pair[0].distance(pair[1])).sum();
-        let mut timing = self.timing(0.5 + 0.9 * f64::from(way_m));
+        let mut timing = self.timing(0.45 + 0.65 * f64::from(way_m));
         if self.rng.random_bool(self.ranges.hesitation) {
             // First loose, then all the way.
             let ajar = from + (to - from) * self.draw(0.15..0.6);
             let loosened = timing.part(0.0, 0.6);
             angle.go_to(ajar, loosened);
+            self.follow(&posture, side, grip_at(ajar), loosened);
             let pause_s = self.rng.random_range(self.ranges.pause_s.clone());
             timing = Timing { onset_s: loosened.end_s() + pause_s, ..timing.part(0.0, 0.8) };
         }
         angle.go_to(to, timing);
+        self.follow(&posture, side, grip_at(to), timing);
         self.script.held = Some(Held { rest: pose, moves: Moves::Hinged { hinge, grip: thing.grip, angle } });
         self.now_s = timing.end_s();
         self.script.hands[side.index()].touch = Channel::new(grip_at(to));
@@ -133,11 +135,11 @@ impl Planner<'_> {
         let angle = self.draw(-0.5..0.5);
         let half = Vec3::new(libm::cosf(angle), libm::sinf(angle), 0.0) * self.draw(0.10..0.19) * side.sign();
         let drift = Vec3::Y * self.draw(-0.12..0.12);
-        let strokes = self.rng.random_range(4..=8_u8);
+        let strokes = self.rng.random_range(4..=6_u8);
         let corners = [middle + half, middle - half, middle + half + drift, middle - half + drift];
         self.touch(side, &corners);
         let mut touch = Channel::new(corners[0]);
-        let usual_s = f64::from(self.draw(0.40..0.60));
+        let usual_s = f64::from(self.draw(0.38..0.52));
         for stroke in 0..strokes {
             let timing = self.timing(usual_s);
             let done = drift * (f32::from(stroke + 1) / f32::from(strokes));
@@ -264,7 +266,7 @@ impl Planner<'_> {
         for _ in 0..self.rng.random_range(0..4_u8) {
             // Scratches or waves.
             let way = Vec3::new(self.draw(-0.08..0.08), 0.0, self.draw(-0.05..0.05));
-            let timing = self.timing(0.4);
+            let timing = self.timing(0.5);
             self.script.hands[side.index()].free.go_by(Vec3::ZERO, way, timing);
             self.now_s = timing.end_s();
         }

@@ -14,7 +14,7 @@ use crate::simulate::body::{Lengths, Side};
 /// Knees are a little bent: hips are this much lower than with straight legs, as a share of the height.
 const EASE: f32 = 0.005;
 /// How much longer a lognormal stroke is until it is done, than a minimum-jerk stroke of the same way.
-const LATE: f64 = 1.25;
+const LATE: f64 = 1.5;
 
 /// Writes a [`Script`] stroke by stroke; `now_s` is where it has come to.
 pub(super) struct Planner<'a> {
@@ -63,7 +63,7 @@ impl<'a> Planner<'a> {
             flexion: Channel::new(draw(&ranges.stoop)),
             bend: Channel::new(draw(&(-0.02..0.02))),
             twist: Channel::new(draw(&(-0.05..0.05))),
-            head: Channel::new(Vec3::new(draw(&(-0.05..0.05)), draw(&(0.05..0.2)), 0.0)),
+            head: Channel::new(Vec3::new(draw(&(-0.05..0.05)), draw(&(0.0..0.07)), 0.0)),
             ankles,
             feet,
             hands,
@@ -118,32 +118,41 @@ impl<'a> Planner<'a> {
         Vec3::new(libm::sinf(angle), 0.0, libm::cosf(angle)) * size
     }
 
-    /// How the trunk leans so that the arm of `side`, stretched no further than a draw, reaches all `points`.
-    fn lean(&mut self, side: Side, points: &[Vec3]) -> Lean {
+    /// How the trunk leans from `base` so that the arm of `side`, stretched no further than a draw, reaches all `points`.
+    fn lean(&mut self, base: &Posture, side: Side, points: &[Vec3]) -> Lean {
         const STEP: f32 = 0.01;
         const MOST_FLEXION: f32 = 0.9;
         const MOST_TWIST: f32 = 0.4;
+        const MOST: f32 = 2.0;
         let stretch = self.ranges.stretch.clone();
         let reach = self.draw(stretch) * self.script.lengths.arm();
         let twists = side.sign() * self.draw(0.3..0.8);
-        let steps = self.draw(0.1..0.3);
-        let base = self.script.goal();
+        let steps = self.draw(0.03..0.1);
         let middle: Vec3 = points.iter().sum::<Vec3>() / points.len() as f32;
         let ahead = (middle - base.hips).with_z(0.0).normalize_or_zero();
         let mut more = 0.0;
         loop {
             // From the trunk at first; the hips follow slowly, and fast when the trunk can do no more.
             let flexion = (base.flexion + more).min(MOST_FLEXION);
-            let shift = steps * more * 0.3 + (base.flexion + more - flexion) * 0.5;
-            let twist = base.twist + (twists * more).clamp(-MOST_TWIST, MOST_TWIST);
+            let shift = steps * more + (base.flexion + more - flexion) * 0.5;
             let hips = base.hips + ahead * shift.min(0.3);
-            let trunk = Posture { flexion, twist, hips, ..base }.trunk(&self.script.lengths);
-            let near = points.iter().all(|p| p.distance(trunk.shoulder(side)) <= reach);
-            if near || more > 2.0 {
-                return Lean { flexion, twist, hips };
+            // The shoulder goes ahead; but what is on the other side may be nearer with the shoulder back.
+            for twists in [twists, -twists] {
+                let twist = base.twist + (twists * more).clamp(-MOST_TWIST, MOST_TWIST);
+                let trunk = Posture { flexion, twist, hips, ..*base }.trunk(&self.script.lengths);
+                let near = points.iter().all(|p| p.distance(trunk.shoulder(side)) <= reach);
+                if near || more > MOST {
+                    return Lean { flexion, twist, hips };
+                }
             }
             more += STEP;
         }
+    }
+
+    /// The trunk leans from `base` so that the hand, which stays in contact, gets to `point`.
+    pub(super) fn follow(&mut self, base: &Posture, side: Side, point: Vec3, timing: Timing) {
+        let lean = self.lean(base, side, &[point]);
+        self.lean_to(&lean, timing);
     }
 
     fn lean_to(&mut self, lean: &Lean, timing: Timing) {
@@ -166,7 +175,7 @@ impl<'a> Planner<'a> {
     /// way the person may hesitate. Time goes on to the arrival.
     pub(super) fn reach(&mut self, side: Side, points: &[Vec3]) {
         let way_m = self.free_hand(side).distance(points[0]);
-        let lean = self.lean(side, points);
+        let lean = self.lean(&self.script.goal(), side, points);
         let mut timing = self.timing_over(way_m);
         let bows = [self.bow(way_m), self.bow(way_m)];
         let swivel = self.ranges.swivel.clone();

@@ -5,7 +5,7 @@ use rand_chacha::ChaCha8Rng;
 use super::{Brief, BriefError, Generated, Manner, SHORTEST_S};
 use crate::hoi::{Action, CATEGORIES, Category, Object, UNSEEN};
 use crate::simulate::Performance;
-use crate::simulate::body::{Joint, Side};
+use crate::simulate::body::{Body, Joint, Side};
 use crate::simulate::scene::{Person, Place};
 
 const PEOPLE: [(f32, f32); 3] = [(1.63, 0.85), (1.75, 1.0), (1.91, 1.25)];
@@ -117,7 +117,9 @@ fn nothing_is_below_the_floor_and_people_are_as_tall_as_they_are() {
         }
         let seated_first = label.is_some_and(|l| l.action == Action::StandUp);
         generated.vertices(if seated_first { generated.duration_s() } else { 0.0 }, &mut vertices);
-        let top = vertices.iter().map(|v| v.z).fold(0.0, f32::max);
+        // The body's come first.
+        let own = Body::new(height, 1.0).vertex_count();
+        let top = vertices[..own].iter().map(|v| v.z).fold(0.0, f32::max);
         assert!((top - height).abs() < 0.02, "{label:?} {manner:?} {seed}: {top} of {height}");
         let surface = generated.surface();
         assert_eq!(surface.triangles.len(), surface.reflectivity.len());
@@ -208,12 +210,12 @@ fn hands_are_where_things_are_taken() {
 #[test]
 fn speeds_are_those_of_people() {
     let (mut low, mut high, mut jerky): (f32, f32, f32) = (9.0, 0.0, 0.0);
-    let (mut shortest, mut longest): (f64, f64) = (99.0, 0.0);
+    let mut durations = Vec::new();
     let step_s = 0.02;
     for (label, manner, seed, generated) in samples(12) {
         let what = format!("{label:?} {manner:?} {seed}");
         let duration_s = generated.duration_s();
-        assert!((SHORTEST_S..12.0).contains(&duration_s), "{what}: {duration_s} s");
+        assert!((SHORTEST_S..9.0).contains(&duration_s), "{what}: {duration_s} s");
         let interaction_s = generated.interaction_s();
         assert!(interaction_s.start >= 0.0 && interaction_s.end <= duration_s);
         let hand = |t: f64| generated.hand(t);
@@ -221,7 +223,7 @@ fn speeds_are_those_of_people() {
         if label.is_some() {
             assert!((0.3..3.0).contains(&speed), "{what}: {speed} m/s");
             (low, high) = (low.min(speed), high.max(speed));
-            (shortest, longest) = (shortest.min(duration_s), longest.max(duration_s));
+            durations.push(duration_s);
         }
         for joint in [Side::Left.hand(), Side::Right.hand(), Joint::Head, Joint::HipCentre, Joint::KneeLeft] {
             let at = |t: f64| generated.joints(t)[joint.index()];
@@ -229,7 +231,7 @@ fn speeds_are_those_of_people() {
             let fastest = inner
                 .map(|t| (at(t + step_s) - 2.0 * at(t) + at(t - step_s)).length() / (step_s * step_s) as f32)
                 .fold(0.0, f32::max);
-            assert!(fastest < 40.0, "{what}: {joint:?} accelerates by {fastest} m/s^2");
+            assert!(fastest < 50.0, "{what}: {joint:?} accelerates by {fastest} m/s^2");
             jerky = jerky.max(fastest);
         }
         // No jumps: from millisecond to millisecond nothing moves by more than the highest speed allows.
@@ -243,7 +245,9 @@ fn speeds_are_those_of_people() {
         }
     }
     eprintln!("hands {low:.2} to {high:.2} m/s at their fastest, accelerations to {jerky:.1} m/s^2");
-    eprintln!("labelled samples take {shortest:.2} to {longest:.2} s");
+    durations.sort_by(f64::total_cmp);
+    let quantiles = [0, 10, 50, 90, 100].map(|percent| durations[percent * (durations.len() - 1) / 100]);
+    eprintln!("labelled samples take {quantiles:.2?} s");
 }
 
 #[test]
@@ -288,8 +292,8 @@ fn manners_differ() {
     };
     let [train, site] = Manner::ALL.map(mean);
     eprintln!("the fastest moment is after {train:.2} of a stroke, and after {site:.2}");
-    assert!((train - 0.5).abs() < 0.05, "{train}");
-    assert!(site < 0.44, "{site}");
+    // The trunk's part in a reach comes early, so that even symmetric strokes make hands a little faster at first.
+    assert!((0.36..0.52).contains(&train) && site < train - 0.05, "{train} {site}");
 }
 
 #[test]
