@@ -16,10 +16,13 @@
 //! Room coordinates are right-handed: x to the right and y into the room as seen from the radar's wall, z up from the
 //! floor; metres, seconds, radians. A time of 0 s is the beginning of the sample.
 //!
+//! [`picture`] draws a sample for people to see what it is of.
+//!
 //! What is computed beyond the direct paths is a matter of [`effects`], each a switch.
 
 pub mod effects;
 mod performance;
+pub mod picture;
 pub mod recording;
 pub mod scene;
 
