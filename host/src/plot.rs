@@ -1,23 +1,31 @@
-//! Pictures of maps and of series, as PNG files.
+//! Pictures of maps, of series and of scenes, as PNG and GIF files.
 //!
-//! In: a [`Figure`] of panels in a grid, each a [`Heatmap`] (values over two axes, with a colour bar) or [`Lines`] (series
-//! over one axis). Out: a PNG file that appears whole. Every axis and colour bar has its unit; missing values are
+//! In: a [`Figure`] of panels in a grid, each a [`Heatmap`] (values over two axes, with a colour bar), [`Lines`] (series
+//! over one axis) or a [`View`] (shapes of a scene, to scale). Out: a PNG file that appears whole, or an animated GIF of
+//! several figures ([`save_film`]). Every axis and colour bar has its unit; missing values are
 //! hatched; a map with more cells than pixels is reduced by maximum or mean, so that nothing is left out by chance.
 //! Fonts come with the program, so that pictures look the same everywhere.
 
 mod axis;
+mod bar;
 mod canvas;
 mod colour;
+mod film;
 mod heatmap;
 mod lines;
+mod view;
 
 use std::path::{Path, PathBuf};
 
 pub use axis::Axis;
-pub use heatmap::{ColourScale, Heatmap, Reduce};
+pub use bar::ColourScale;
+pub use film::save_film;
+pub use heatmap::{Heatmap, Reduce};
 pub use lines::{Lines, Marks, Series, Style};
+pub use view::{Paint, Shape, View};
 
 use crate::atomic::{AtomicFile, WriteError};
+use axis::Sides;
 use canvas::{Anchor, Area, Canvas, Drawn, INK};
 
 /// Height of the figure's title and the size of its letters, pixels.
@@ -25,6 +33,9 @@ const TITLE: i32 = 46;
 const TITLE_LETTERS: f64 = 25.0;
 /// Largest width or height of a picture, pixels.
 const LARGEST: u32 = 4_096;
+/// Room beside a strip's panels for the labels of the first and the colour bar of the last, pixels.
+const STRIP_LEFT: i32 = 96;
+const STRIP_RIGHT: i32 = 92;
 
 /// Why there is no picture.
 #[derive(Debug, thiserror::Error)]
@@ -64,6 +75,8 @@ pub enum Panel {
     Heatmap(Heatmap),
     /// Series over one axis.
     Lines(Lines),
+    /// Shapes of a scene.
+    View(View),
 }
 
 /// Panels in a grid.
@@ -97,6 +110,8 @@ pub struct Figure {
     pub width: u32,
     /// Height of each panel, pixels.
     pub panel_height: u32,
+    /// Whether the panels of a row have one y axis and one colour scale, which are drawn once.
+    pub strip: bool,
 }
 
 impl Figure {
@@ -109,6 +124,7 @@ impl Figure {
             columns,
             width: 1_200,
             panel_height: if columns == 1 { 600 } else { 460 },
+            strip: false,
         }
     }
 
@@ -118,6 +134,15 @@ impl Figure {
     /// Any [`PlotError`].
     pub fn save(&self, path: impl AsRef<Path>) -> Result<(), PlotError> {
         let path = path.as_ref();
+        let canvas = self.canvas(path)?;
+        let file = AtomicFile::create(path)?;
+        let trouble = |reason: String| PlotError::Draw { path: path.to_path_buf(), reason };
+        canvas.save(file.temporary()).map_err(|e| trouble(e.to_string()))?;
+        Ok(file.commit()?)
+    }
+
+    /// The figure, drawn; `path` is where it is to go.
+    fn canvas(&self, path: &Path) -> Result<Canvas, PlotError> {
         let columns = self.columns.clamp(1, self.panels.len().max(1)) as u32;
         let rows = self.panels.len().div_ceil(columns as usize) as u32;
         let (width, height) = (self.width / columns, self.panel_height);
@@ -131,15 +156,13 @@ impl Figure {
                 height,
             });
         }
-        let draw_error = |reason: String| PlotError::Draw { path: path.to_path_buf(), reason };
         let mut canvas = Canvas::new(self.width as i32, total as i32);
-        self.draw(&mut canvas, columns as i32, width as i32, title).map_err(|e| draw_error(e.to_string()))?;
-        let file = AtomicFile::create(path)?;
-        canvas.save(file.temporary()).map_err(|e| draw_error(e.to_string()))?;
-        Ok(file.commit()?)
+        self.draw(&mut canvas, columns as i32, title)
+            .map_err(|e| PlotError::Draw { path: path.to_path_buf(), reason: e.to_string() })?;
+        Ok(canvas)
     }
 
-    fn draw(&self, canvas: &mut Canvas, columns: i32, width: i32, title: i32) -> Drawn {
+    fn draw(&self, canvas: &mut Canvas, columns: i32, title: i32) -> Drawn {
         if let Some(text) = &self.title {
             let text = canvas.shortened(text, TITLE_LETTERS, self.width as i32 - 40)?;
             let middle = (f64::from(self.width) / 2.0, f64::from(title) / 2.0 + 4.0);
@@ -148,13 +171,28 @@ impl Figure {
         let height = self.panel_height as i32;
         for (number, panel) in (0..).zip(&self.panels) {
             let (row, column) = (number / columns, number % columns);
-            let area = Area { left: column * width, top: title + row * height, width, height };
+            let ((left, width), sides) = self.column(column, columns);
+            let area = Area { left, top: title + row * height, width, height };
             match panel {
-                Panel::Heatmap(map) => map.draw(canvas, area)?,
-                Panel::Lines(lines) => lines.draw(canvas, area)?,
+                Panel::Heatmap(map) => map.draw(canvas, area, sides)?,
+                Panel::Lines(lines) => lines.draw(canvas, area, sides)?,
+                Panel::View(view) => view.draw(canvas, area, sides)?,
             }
         }
         Ok(())
+    }
+
+    /// Left edge and width of a column, and what is drawn at the sides of its panels.
+    fn column(&self, column: i32, columns: i32) -> ((i32, i32), Sides) {
+        let width = self.width as i32;
+        if !self.strip {
+            return ((column * (width / columns), width / columns), Sides::ALL);
+        }
+        let (first, last) = (column == 0, column == columns - 1);
+        let each = (width - STRIP_LEFT - STRIP_RIGHT) / columns;
+        let left = if first { 0 } else { STRIP_LEFT + column * each };
+        let more = if first { STRIP_LEFT } else { 0 } + if last { STRIP_RIGHT } else { 0 };
+        ((left, each + more), Sides { y: first, bar: last })
     }
 }
 

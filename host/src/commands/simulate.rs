@@ -230,8 +230,9 @@ impl Simulate {
         if let Some(number) = *place {
             let count = scene.places.len();
             let chosen = number.checked_sub(1).and_then(|n| scene.places.get(n)).copied();
-            scene.places =
-                vec![chosen.with_context(|| format!("{} has places 1 to {count}, not {number}", scene.name))?];
+            scene.places = vec![
+                chosen.with_context(|| format!("{} has places 1 to {count}, not {number}", scene.name))?,
+            ];
         }
         let categories: Vec<Category> = self.category()?.into_iter().collect();
         let wanted = Wanted {

@@ -10,6 +10,10 @@ pub(super) const TITLE_LETTERS: f64 = 20.0;
 const TICK: i32 = 5;
 /// From a tick to its label, pixels.
 const GAP: i32 = 5;
+/// Room for the labels of an x axis and its title.
+const BELOW: i32 = TICK + GAP + (TICK_LETTERS + LABEL_LETTERS) as i32 + 12;
+/// Length of the dashes of marks, pixels.
+const DASH: usize = 6;
 /// Least room for the labels of a y axis, so that panels above each other line up.
 const LEAST_LABEL: i32 = 44;
 
@@ -24,12 +28,19 @@ pub struct Axis {
     pub from: f64,
     /// Value at the right or upper end.
     pub to: f64,
+    /// Values at which a dashed line crosses the panel; on x axes.
+    pub marked: Vec<f64>,
 }
 
 impl Axis {
     /// An axis of `label` in `unit` from `from` to `to`.
     pub fn new(label: impl Into<String>, unit: impl Into<String>, from: f64, to: f64) -> Self {
-        Self { label: label.into(), unit: unit.into(), from, to }
+        Self { label: label.into(), unit: unit.into(), from, to, marked: Vec::new() }
+    }
+
+    /// The axis with these values marked.
+    pub fn with_marks(self, values: impl IntoIterator<Item = f64>) -> Self {
+        Self { marked: values.into_iter().collect(), ..self }
     }
 
     /// An axis that holds all finite `values`, with a little room at both ends.
@@ -98,6 +109,19 @@ fn label(value: f64, decimals: usize) -> String {
     format!("{value:.decimals$}").replace('-', "\u{2212}")
 }
 
+/// Which sides of a panel are drawn; the others are those of its neighbours.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) struct Sides {
+    /// Labels of the y axis.
+    pub(super) y: bool,
+    /// The colour bar.
+    pub(super) bar: bool,
+}
+
+impl Sides {
+    pub(super) const ALL: Self = Self { y: true, bar: true };
+}
+
 /// The axes around a rectangle.
 pub(super) struct Frame {
     /// The rectangle in which values are drawn.
@@ -106,24 +130,29 @@ pub(super) struct Frame {
     pub(super) y: Axis,
     x_ticks: Vec<(f64, String)>,
     y_ticks: Vec<(f64, String)>,
+    sides: Sides,
     /// Where the y axis' title is.
     y_title: f64,
 }
 
 impl Frame {
     /// Puts axes into `area`, so that the labels of both just fit.
-    pub(super) fn new(canvas: &Canvas, area: Area, x: &Axis, y: &Axis) -> Result<Self, Trouble> {
+    pub(super) fn new(
+        canvas: &Canvas,
+        area: Area,
+        (x, y): (&Axis, &Axis),
+        sides: Sides,
+    ) -> Result<Self, Trouble> {
         let (x, y) = (x.sound(), y.sound());
-        let bottom = TICK + GAP + (TICK_LETTERS + LABEL_LETTERS) as i32 + 12;
-        let height = area.inside(0, 0, 0, bottom).height;
+        let height = area.inside(0, 0, 0, BELOW).height;
         let y_ticks = y.ticks(height / 44);
         let mut widest = LEAST_LABEL;
         for (_, label) in &y_ticks {
             widest = widest.max(canvas.text_width(label, TICK_LETTERS)?);
         }
-        let left = LABEL_LETTERS as i32 + 10 + widest + GAP + TICK;
+        let left = if sides.y { LABEL_LETTERS as i32 + 10 + widest + GAP + TICK } else { 0 };
         // Half a label may reach over the right end.
-        let plot = area.inside(left, 0, 14, bottom);
+        let plot = area.inside(left, 0, 14, BELOW);
         let mut most = plot.width / 50;
         let x_ticks = loop {
             let ticks = x.ticks(most);
@@ -137,7 +166,7 @@ impl Frame {
             most -= 1;
         };
         let y_title = f64::from(area.left) + LABEL_LETTERS / 2.0 + 2.0;
-        Ok(Self { plot, x, y, x_ticks, y_ticks, y_title })
+        Ok(Self { plot, x, y, x_ticks, y_ticks, sides, y_title })
     }
 
     /// Column of an x value.
@@ -168,6 +197,7 @@ impl Frame {
     /// Draws the frame, its ticks, their labels and the axes' titles.
     pub(super) fn draw(&self, canvas: &mut Canvas) -> Drawn {
         canvas.frame(self.plot, FRAME)?;
+        self.draw_marks(canvas)?;
         let (left, bottom) = (f64::from(self.plot.left), f64::from(self.plot.bottom()));
         let (tick, gap) = (f64::from(TICK), f64::from(TICK + GAP));
         for (value, label) in &self.x_ticks {
@@ -179,19 +209,43 @@ impl Frame {
         for (value, label) in &self.y_ticks {
             let row = self.row(*value);
             canvas.line(&[(left - tick, row), (left, row)], FRAME, 1)?;
+            if !self.sides.y {
+                continue;
+            }
             canvas.text(label, TICK_LETTERS, (left - gap, row), Anchor::Right, INK)?;
         }
         let (middle_x, middle_y) = self.plot.middle();
         let below = bottom + gap + TICK_LETTERS + LABEL_LETTERS / 2.0 + 3.0;
         let title = canvas.shortened(&self.x.title(), LABEL_LETTERS, self.plot.width)?;
         canvas.text(&title, LABEL_LETTERS, (middle_x, below), Anchor::Middle, INK)?;
-        let title = canvas.shortened(&self.y.title(), LABEL_LETTERS, self.plot.height)?;
-        canvas.text(&title, LABEL_LETTERS, (self.y_title, middle_y), Anchor::MiddleUpwards, INK)
+        if self.sides.y {
+            let title = canvas.shortened(&self.y.title(), LABEL_LETTERS, self.plot.height)?;
+            canvas.text(&title, LABEL_LETTERS, (self.y_title, middle_y), Anchor::MiddleUpwards, INK)?;
+        }
+        Ok(())
+    }
+
+    /// Dashes across the panel, dark and light in turn, so that they show on any ground.
+    fn draw_marks(&self, canvas: &mut Canvas) -> Drawn {
+        let (top, bottom) = (self.plot.top, self.plot.bottom());
+        let inside = |v: &&f64| (0.0..=1.0).contains(&self.x.place(**v));
+        for &value in self.x.marked.iter().filter(inside) {
+            let column = self.column(value);
+            for (number, from) in (top..bottom).step_by(DASH).enumerate() {
+                let colour = if number % 2 == 0 { INK } else { [255; 3] };
+                let to = (from + DASH as i32).min(bottom);
+                canvas.line(&[(column, f64::from(from)), (column, f64::from(to))], colour, 2)?;
+            }
+        }
+        Ok(())
     }
 }
 
 /// Draws a panel's title over `plot`.
 pub(super) fn draw_title(canvas: &mut Canvas, title: &str, area: Area, plot: Area) -> Drawn {
+    if title.is_empty() {
+        return Ok(());
+    }
     let width = area.right() - plot.left;
     let title = canvas.shortened(title, TITLE_LETTERS, width)?;
     let row = f64::from(area.top) + TITLE_LETTERS / 2.0;

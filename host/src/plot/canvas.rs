@@ -221,8 +221,22 @@ impl Canvas {
         Ok(String::new())
     }
 
+    /// Fills a polygon.
+    pub(super) fn polygon(&mut self, corners: &[Point], colour: Rgb) -> Drawn {
+        let corners: Vec<_> = corners.iter().map(|&p| scaled(p)).collect();
+        self.backend().fill_polygon(corners, &shape(colour, 1)).map_err(Trouble::new)
+    }
+
     /// Averages the picture down and writes it to `path` in the format of its extension.
     pub(super) fn save(&self, path: &Path) -> Drawn {
+        let (size, pixels) = self.pixels();
+        let mut file = BitMapBackend::new(path, size);
+        file.blit_bitmap((0, 0), size, &pixels).map_err(Trouble::new)?;
+        file.present().map_err(Trouble::new)
+    }
+
+    /// Width and height of the picture averaged down, and its pixels, row by row.
+    pub(super) fn pixels(&self) -> ((u32, u32), Vec<u8>) {
         let (width, height) = (self.width / SCALE, self.height / SCALE);
         let mut pixels = Vec::with_capacity((width * height) as usize * CHANNELS);
         for y in 0..height {
@@ -237,10 +251,7 @@ impl Canvas {
                 }
             }
         }
-        let size = (width as u32, height as u32);
-        let mut file = BitMapBackend::new(path, size);
-        file.blit_bitmap((0, 0), size, &pixels).map_err(Trouble::new)?;
-        file.present().map_err(Trouble::new)
+        ((width as u32, height as u32), pixels)
     }
 }
 

@@ -29,6 +29,9 @@ const SERIES: [Rgb; 7] = [
     [0x00, 0x00, 0x00],
 ];
 
+/// Stops of levels: lightness falls from one to the next.
+const LEVELS: [Rgb; 3] = [[0xe4, 0xdc, 0xec], [0xc0, 0x58, 0x9c], [0x4a, 0x00, 0x5a]];
+
 /// Colour of a value from 0 to 1; others take the nearest end.
 pub(super) fn of_value(value: f64) -> Rgb {
     let last = VIRIDIS.len() - 1;
@@ -38,6 +41,22 @@ pub(super) fn of_value(value: f64) -> Rgb {
     let (low, high) = (VIRIDIS[stop], VIRIDIS[stop + 1]);
     std::array::from_fn(|c| (f64::from(low[c]) * (1.0 - part) + f64::from(high[c]) * part).round() as u8)
 }
+
+/// Colour of a level from 0, pale, to 1, strong; for lines on white.
+pub(super) fn of_level(level: f64) -> Rgb {
+    let [weak, middle, strong] = LEVELS;
+    let level = level.clamp(0.0, 1.0) * 2.0;
+    let (from, to, part) = if level < 1.0 { (weak, middle, level) } else { (middle, strong, level - 1.0) };
+    std::array::from_fn(|c| (f64::from(from[c]) * (1.0 - part) + f64::from(to[c]) * part).round() as u8)
+}
+
+/// A grey, 0 black to 255 white.
+pub(super) fn of_grey(level: u8) -> Rgb {
+    [level; 3]
+}
+
+/// Number of colours of series.
+pub(super) const SERIES_COUNT: usize = SERIES.len();
 
 /// Colour of series number `number`, counted from 0.
 pub(super) fn of_series(number: usize) -> Rgb {

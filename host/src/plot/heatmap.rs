@@ -2,15 +2,13 @@
 
 use ndarray::{Array2, ArrayView2, Slice};
 
-use super::axis::{Axis, Frame, LABEL_LETTERS, TICK_LETTERS, TITLE_LETTERS, draw_title};
+use super::axis::{Axis, Frame, Sides, TICK_LETTERS, TITLE_LETTERS, draw_title};
+use super::bar::{Bar, ColourScale};
 use super::canvas::{Anchor, Area, Canvas, Drawn, FRAME, INK, Rgb};
 use super::colour;
 
 /// Margins of a panel, pixels.
 const MARGIN: i32 = 14;
-/// Colour bar: its width, and from the map to it.
-const BAR: i32 = 18;
-const BAR_GAP: i32 = 12;
 /// Width of the swatch that explains the hatching.
 const SWATCH: i32 = 26;
 /// Hatching of missing values: its period in pixels, its stripes and what is between them.
@@ -26,29 +24,6 @@ pub enum Reduce {
     Max,
     /// The mean: keeps the level of noise.
     Mean,
-}
-
-/// What the colours mean.
-#[derive(Debug, Clone, PartialEq)]
-pub struct ColourScale {
-    /// What is shown.
-    pub label: String,
-    /// Its unit; empty for a bare number.
-    pub unit: String,
-    /// Values of the darkest and the lightest colour; those of the map if `None`.
-    pub range: Option<(f32, f32)>,
-}
-
-impl ColourScale {
-    /// A scale over the values of the map.
-    pub fn new(label: impl Into<String>, unit: impl Into<String>) -> Self {
-        Self { label: label.into(), unit: unit.into(), range: None }
-    }
-
-    /// A scale from `from` to `to`.
-    pub fn with_range(self, from: f32, to: f32) -> Self {
-        Self { range: Some((from, to)), ..self }
-    }
 }
 
 /// A map: values over two axes.
@@ -70,17 +45,18 @@ pub struct Heatmap {
 }
 
 impl Heatmap {
-    pub(super) fn draw(&self, canvas: &mut Canvas, area: Area) -> Drawn {
-        let area = area.inside(MARGIN, MARGIN, MARGIN, MARGIN / 2);
-        let scale = self.colour_axis();
+    pub(super) fn draw(&self, canvas: &mut Canvas, area: Area, sides: Sides) -> Drawn {
+        let area = area.inside(
+            if sides.y { MARGIN } else { 0 },
+            MARGIN,
+            if sides.bar { MARGIN } else { 0 },
+            MARGIN / 2,
+        );
+        let scale = self.scale.axis(self.values.iter().copied());
         let title = TITLE_LETTERS as i32 + 10;
-        let ticks = scale.ticks((area.height - title) / 60);
-        let mut widest = 0;
-        for (_, label) in &ticks {
-            widest = widest.max(canvas.text_width(label, TICK_LETTERS)?);
-        }
-        let bar = BAR_GAP + BAR + 10 + widest + LABEL_LETTERS as i32 + 8;
-        let frame = Frame::new(canvas, area.inside(0, title, bar - MARGIN, 0), &self.x, &self.y)?;
+        let bar = if sides.bar { Some(Bar::new(canvas, scale.clone(), area.height - title)?) } else { None };
+        let room = bar.as_ref().map_or(0, Bar::width);
+        let frame = Frame::new(canvas, area.inside(0, title, room, 0), (&self.x, &self.y), sides)?;
         let plot = frame.plot;
         draw_title(canvas, &self.title, area, plot)?;
 
@@ -99,38 +75,14 @@ impl Heatmap {
             });
         }
         frame.draw(canvas)?;
-        self.draw_bar(canvas, area, plot, &scale, &ticks)
-    }
-
-    /// The scale of colours as an axis.
-    fn colour_axis(&self) -> Axis {
-        let finite = || self.values.iter().copied().filter(|v| v.is_finite());
-        let (from, to) = self.scale.range.unwrap_or_else(|| {
-            (finite().fold(f32::INFINITY, f32::min), finite().fold(f32::NEG_INFINITY, f32::max))
-        });
-        Axis::new(&*self.scale.label, &*self.scale.unit, from.into(), to.into()).sound()
-    }
-
-    fn draw_bar(
-        &self,
-        canvas: &mut Canvas,
-        area: Area,
-        plot: Area,
-        scale: &Axis,
-        ticks: &[(f64, String)],
-    ) -> Drawn {
-        let bar = Area { left: plot.right() + BAR_GAP, width: BAR, ..plot };
-        canvas.paint(bar, |_, y| colour::of_value(1.0 - (f64::from(y) + 0.5) / f64::from(bar.height)));
-        canvas.frame(bar, FRAME)?;
-        let edge = f64::from(bar.right());
-        for (value, label) in ticks {
-            let row = f64::from(bar.bottom()) - scale.place(*value) * f64::from(bar.height);
-            canvas.line(&[(edge, row), (edge + 4.0, row)], FRAME, 1)?;
-            canvas.text(label, TICK_LETTERS, (edge + 9.0, row), Anchor::Left, INK)?;
+        if let Some(bar) = bar {
+            bar.draw(canvas, area, plot, colour::of_value)?;
         }
-        let title = canvas.shortened(&scale.title(), LABEL_LETTERS, plot.height)?;
-        let right = f64::from(area.right()) - LABEL_LETTERS / 2.0 + 2.0;
-        canvas.text(&title, LABEL_LETTERS, (right, plot.middle().1), Anchor::MiddleUpwards, INK)?;
+        self.draw_missing(canvas, area)
+    }
+
+    /// Explains the hatching, if there is any.
+    fn draw_missing(&self, canvas: &mut Canvas, area: Area) -> Drawn {
         if self.values.iter().any(|v| v.is_nan()) {
             let text = "missing";
             let width = canvas.text_width(text, TICK_LETTERS)?;

@@ -1,6 +1,6 @@
 //! Series over one axis, as lines or as dots.
 
-use super::axis::{Axis, Frame, TICK_LETTERS, TITLE_LETTERS, draw_title};
+use super::axis::{Axis, Frame, Sides, TICK_LETTERS, TITLE_LETTERS, draw_title};
 use super::canvas::{Anchor, Area, Canvas, Drawn, FRAME, INK, Marker, Point, Rgb, Trouble};
 use super::colour;
 
@@ -73,12 +73,12 @@ struct Entry<'a> {
 }
 
 impl Lines {
-    pub(super) fn draw(&self, canvas: &mut Canvas, area: Area) -> Drawn {
-        let area = area.inside(MARGIN, MARGIN, MARGIN, MARGIN / 2);
+    pub(super) fn draw(&self, canvas: &mut Canvas, area: Area, sides: Sides) -> Drawn {
+        let area = area.inside(if sides.y { MARGIN } else { 0 }, MARGIN, MARGIN, MARGIN / 2);
         let rows = self.legend_rows(canvas, area.width)?;
         let title = TITLE_LETTERS as i32 + 8;
         let legend = rows.len() as i32 * LEGEND_ROW;
-        let frame = Frame::new(canvas, area.inside(0, title + legend + 4, 0, 0), &self.x, &self.y)?;
+        let frame = Frame::new(canvas, area.inside(0, title + legend + 4, 0, 0), (&self.x, &self.y), sides)?;
         draw_title(canvas, &self.title, area, frame.plot)?;
         for (row, entries) in (0..).zip(&rows) {
             let middle = area.top + title + row * LEGEND_ROW + LEGEND_ROW / 2 - 2;
@@ -200,7 +200,7 @@ fn draw_line(canvas: &mut Canvas, frame: &Frame, points: &[Point], colour: Rgb) 
 
 /// The part of a segment that lies in the unit square (Liang and Barsky, 1984); `None` if none does or an end is no
 /// number.
-fn clipped([(x0, y0), (x1, y1)]: [Point; 2]) -> Option<[Point; 2]> {
+pub(super) fn clipped([(x0, y0), (x1, y1)]: [Point; 2]) -> Option<[Point; 2]> {
     let (dx, dy) = (x1 - x0, y1 - y0);
     if !(dx.is_finite() && dy.is_finite()) {
         return None;

@@ -117,7 +117,8 @@ fn one(wanted: &Wanted<'_>, scenes: &[Scene], sample: u32, performed: Option<Cat
     let mut others: Vec<Object> = Object::ALL.iter().copied().filter(known).collect();
     others.retain(|o| performed.is_none_or(|p| p.object != *o));
     others.shuffle(rng);
-    let mut objects: Vec<Object> = performed.iter().map(|p| p.object).chain(others).take(SAMPLE_TAGS).collect();
+    let mut objects: Vec<Object> =
+        performed.iter().map(|p| p.object).chain(others).take(SAMPLE_TAGS).collect();
     objects.shuffle(rng);
     let target = performed.and_then(|p| objects.iter().position(|o| *o == p.object));
     let label = match (performed, target) {

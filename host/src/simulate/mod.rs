@@ -18,12 +18,14 @@
 //!
 //! What is computed beyond the direct paths is a matter of [`effects`], each a switch. A [`sample`] is one performance as
 //! both see it; [`draw`] says what it is about, [`set`] writes many, [`recording`] writes one at the level of the wire.
+//! [`picture`] draws a sample for people to see what it is of.
 
 pub mod body;
 pub mod draw;
 pub mod effects;
 pub mod perform;
 mod performance;
+pub mod picture;
 pub mod radar;
 pub mod recording;
 pub mod rfid;

@@ -154,8 +154,7 @@ impl<'a> Reader<'a> {
         };
         let responder = Responder { model, refuses: None };
         let mut answer = [0; 2048];
-        let hello =
-            responder.greeting(&mut answer, READER_EPOCH, ConnectionAttempt::Success)?;
+        let hello = responder.greeting(&mut answer, READER_EPOCH, ConnectionAttempt::Success)?;
         writer.tcp(0, self.reader, self.client, hello)?;
 
         let scene = Needs { tags, reader_antennas, ..Needs::default() };

@@ -9,7 +9,7 @@ use rfhoi_shared::units::{BridgeTime, Kilohertz};
 
 use super::draw::{Draw, Purpose, stream};
 use super::effects::{Domain, Effects};
-use super::perform::{Brief, Generated, Manner, BriefError};
+use super::perform::{Brief, BriefError, Generated, Manner};
 use super::radar::{FrameMaps, Radar, RadarError};
 use super::rfid::{self, Options as ReadOptions, ReaderSession, Situation};
 use super::scene::{Scene, Tag};
@@ -92,24 +92,31 @@ impl Domain {
 ///
 /// # Errors
 /// If the scene lacks a tag, or nobody can do that.
-pub fn perform(domain: Domain, seed: u64, draw: &Draw, scene: &Scene) -> Result<(Generated, Vec<Tag>), SampleError> {
-    let objects = draw.performed_objects();
+pub fn perform(
+    domain: Domain,
+    seed: u64,
+    draw: &Draw,
+    scene: &Scene,
+) -> Result<(Generated, Vec<Tag>), SampleError> {
+    let tag = |object: &Object| {
+        let tag = scene.tags.iter().find(|t| t.object == *object).cloned();
+        tag.ok_or_else(|| SampleError::NoTag { scene: scene.name.clone(), object: *object })
+    };
+    let tags: Vec<Tag> = draw.objects.iter().map(tag).collect::<Result<_, _>>()?;
+    let offsets: Vec<Vec3> = tags.iter().map(|tag| tag.offset).collect();
     let brief = Brief {
         person: &scene.people[draw.person],
         place: draw.place(),
         radar: scene.radar.position,
         label: draw.performed,
-        objects: &objects,
+        objects: &draw.performed_objects(),
+        offsets: &offsets,
         manner: domain.manner(),
     };
     let mut rng = stream(domain, seed, draw.sample, Purpose::Motion);
     let generated = Generated::new(&brief, &mut rng)
         .map_err(|source| SampleError::Perform { sample: draw.sample, source })?;
-    let tag = |object: &Object| {
-        let tag = scene.tags.iter().find(|t| t.object == *object).cloned();
-        tag.ok_or_else(|| SampleError::NoTag { scene: scene.name.clone(), object: *object })
-    };
-    Ok((generated, draw.objects.iter().map(tag).collect::<Result<_, _>>()?))
+    Ok((generated, tags))
 }
 
 /// A performance in a scene, as the radios are told of it.
@@ -168,7 +175,12 @@ impl<'a> Maker<'a> {
     ///
     /// # Errors
     /// If a scene's radar has no antenna geometry.
-    pub fn new(domain: Domain, seed: u64, effects: Effects, scenes: &'a [Scene]) -> Result<Self, SampleError> {
+    pub fn new(
+        domain: Domain,
+        seed: u64,
+        effects: Effects,
+        scenes: &'a [Scene],
+    ) -> Result<Self, SampleError> {
         let radar = |scene: &Scene| {
             Radar::new(scene, effects)
                 .map_err(|source| SampleError::Radar { scene: scene.name.clone(), source })

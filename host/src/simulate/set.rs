@@ -89,10 +89,14 @@ pub enum SetError {
         source: std::io::Error,
     },
     /// Maps of two scenes have different shapes.
-    #[error("the maps of {0} and {1} differ: give both scenes the same profile and depth_m, or make a set of each")]
+    #[error(
+        "the maps of {0} and {1} differ: give both scenes the same profile and depth_m, or make a set of each"
+    )]
     Shapes(String, String),
     /// The folder holds a set made with other options.
-    #[error("{folder} holds another data set: its {key} is {there}, not {wanted}; choose another folder or remove it")]
+    #[error(
+        "{folder} holds another data set: its {key} is {there}, not {wanted}; choose another folder or remove it"
+    )]
     Other {
         /// The folder.
         folder: PathBuf,
@@ -334,14 +338,17 @@ fn write_shard(path: &Path, draws: &[Draw], samples: &[Sample], epoch: BridgeTim
     let tags: Vec<f32> = samples.iter().flat_map(|s| &s.tags_m).flat_map(|p| p.to_array()).collect();
     let epcs: Vec<_> = samples.iter().map(|s| &s.epcs).collect();
     let tag = samples.iter().zip(&epcs).flat_map(|(s, epcs)| {
-        s.reads.iter().map(move |r| epcs.iter().position(|e| *e == r.epc).unwrap_or(usize::from(u8::MAX)) as u8)
+        s.reads
+            .iter()
+            .map(move |r| epcs.iter().position(|e| *e == r.epc).unwrap_or(usize::from(u8::MAX)) as u8)
     });
     let time = |t: BridgeTime| i64::try_from(t.0).unwrap_or(i64::MAX).saturating_sub_unsigned(epoch.0) as i32;
     let channels = samples.first().map_or(0, |s| s.channels.len());
     let khz: Vec<u32> = samples.iter().flat_map(|s| s.channels.iter().map(|c| c.0)).collect();
     let number = |n: Option<usize>| n.map_or(-1, |n| n as i8);
     let objects: Vec<u8> = draws.iter().flat_map(|d| d.objects.iter().map(|o| o.index() as u8)).collect();
-    let interactions = samples.iter().flat_map(|s| [s.interaction_s.start as f32, s.interaction_s.end as f32]);
+    let interactions =
+        samples.iter().flat_map(|s| [s.interaction_s.start as f32, s.interaction_s.end as f32]);
     Npz::create(path)?
         .array("frame_first", &firsts(samples.iter().map(|s| s.frames.len())))?
         .array("read_first", &firsts(samples.iter().map(|s| s.reads.len())))?
@@ -360,7 +367,10 @@ fn write_shard(path: &Path, draws: &[Draw], samples: &[Sample], epoch: BridgeTim
         .array("channel_khz", &Array2::from_shape_vec((samples.len(), channels), khz).unwrap_or_default())?
         .array("duration_s", &samples.iter().map(|s| s.duration_s as f32).collect::<Array1<f32>>())?
         .array("interaction_s", &two(samples.len(), interactions.collect()))?
-        .array("action", &draws.iter().map(|d| number(d.label.map(|l| l.action.index()))).collect::<Array1<i8>>())?
+        .array(
+            "action",
+            &draws.iter().map(|d| number(d.label.map(|l| l.action.index()))).collect::<Array1<i8>>(),
+        )?
         .array("target", &draws.iter().map(|d| number(d.target)).collect::<Array1<i8>>())?
         .array("objects", &Array2::from_shape_vec((draws.len(), SAMPLE_TAGS), objects).unwrap_or_default())?
         .finish()?;

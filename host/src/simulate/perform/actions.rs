@@ -73,7 +73,14 @@ impl Planner<'_> {
         self.retract(side, hold, &posture);
         let mut tilt = Channel::new(Vec3::ZERO);
         let length_s = self.now_s - begin_s;
-        tilt.go_to(turn, Timing { onset_s: begin_s + 0.2 * length_s, length_s: 0.8 * length_s, law: self.ranges.law(self.rng) });
+        tilt.go_to(
+            turn,
+            Timing {
+                onset_s: begin_s + 0.2 * length_s,
+                length_s: 0.8 * length_s,
+                law: self.ranges.law(self.rng),
+            },
+        );
         let moves = Moves::Carried { taken_s, left_s: NEVER_S, grip: thing.grip, tilt };
         self.script.held = Some(Held { rest: pose, moves });
     }
@@ -280,7 +287,8 @@ impl Planner<'_> {
     fn nearly_touch(&mut self, surface: Vec3) {
         let (side, posture) = (self.side(), self.script.goal());
         let hang = self.script.hands[side.index()].free.goal();
-        let above = Vec3::new(side.sign() * self.draw(0.0..0.3), self.draw(-0.15..0.1), self.draw(0.15..0.35));
+        let above =
+            Vec3::new(side.sign() * self.draw(0.0..0.3), self.draw(-0.15..0.1), self.draw(0.15..0.35));
         self.reach(side, &[surface + above]);
         let pause_s = self.ranges.pause_s.clone();
         self.wait(&pause_s);

@@ -54,6 +54,8 @@ pub struct Brief<'a> {
     pub label: Option<Category>,
     /// What lies around; tag number i is on object number i. The label's object is one of them.
     pub objects: &'a [Object],
+    /// By how much each tag is off its usual place, to the thing's right, forward and up, m; those not given are not.
+    pub offsets: &'a [Vec3],
     /// How they move.
     pub manner: Manner,
 }
@@ -128,7 +130,12 @@ impl Generated {
         let moving = target.filter(|_| script.held.is_some());
         let to_room = in_room(&brief.place, brief.radar);
         let tag = |(i, (thing, pose)): (usize, &(Thing, Pose))| {
-            if moving == Some(i) { Mount::Thing(thing.tag) } else { Mount::Still(to_room.point(pose.point(thing.tag))) }
+            let place = thing.tag + brief.offsets.get(i).copied().unwrap_or_default();
+            if moving == Some(i) {
+                Mount::Thing(place)
+            } else {
+                Mount::Still(to_room.point(pose.point(place)))
+            }
         };
         let tags = workplace.things.iter().enumerate().map(tag).collect();
         let moved_s = moving.zip(script.held.as_ref().map(script::Held::moved_s));

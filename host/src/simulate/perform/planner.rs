@@ -36,7 +36,12 @@ struct Lean {
 
 impl<'a> Planner<'a> {
     /// A person at rest, standing, hands hanging, who will act with the hand of `side`.
-    pub(super) fn new(lengths: Lengths, side: Side, ranges: &'static Ranges, rng: &'a mut ChaCha8Rng) -> Self {
+    pub(super) fn new(
+        lengths: Lengths,
+        side: Side,
+        ranges: &'static Ranges,
+        rng: &'a mut ChaCha8Rng,
+    ) -> Self {
         let mut draw = |range: &std::ops::Range<f32>| rng.random_range(range.clone());
         let height = lengths.height;
         let ankles = Side::BOTH.map(|side| {

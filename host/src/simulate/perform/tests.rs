@@ -8,6 +8,7 @@ use crate::simulate::Performance;
 use crate::simulate::body::{Body, Joint, Side};
 use crate::simulate::scene::{Person, Place};
 
+const RADAR: Vec3 = Vec3::new(0.0, 0.0, 1.0);
 const PEOPLE: [(f32, f32); 3] = [(1.63, 0.85), (1.75, 1.0), (1.91, 1.25)];
 
 fn person(number: usize) -> Person {
@@ -38,7 +39,15 @@ fn objects(label: Option<Category>, seed: u64) -> Vec<Object> {
 fn sample(label: Option<Category>, manner: Manner, seed: u64) -> Generated {
     let objects = objects(label, seed);
     let person = person(seed as usize);
-    let brief = Brief { person: &person, place: place(seed as usize / 3), radar: RADAR, label, objects: &objects, manner };
+    let brief = Brief {
+        person: &person,
+        place: place(seed as usize / 3),
+        radar: RADAR,
+        offsets: &[],
+        label,
+        objects: &objects,
+        manner,
+    };
     Generated::new(&brief, &mut ChaCha8Rng::seed_from_u64(seed)).unwrap()
 }
 
@@ -137,7 +146,10 @@ fn tags_move_with_what_moves_them() {
         assert_eq!(generated.tags(), 6);
         let end = generated.duration_s();
         for tag in (0..6).filter(|&i| Some(i) != generated.target()) {
-            assert!(generated.tag(tag, 0.0) == generated.tag(tag, end), "{what}: tag {tag} is not the target");
+            assert!(
+                generated.tag(tag, 0.0) == generated.tag(tag, end),
+                "{what}: tag {tag} is not the target"
+            );
         }
         let Some((label, target)) = label.zip(generated.target()) else { continue };
         let tag = |t: f64| generated.tag(target, t);
@@ -261,7 +273,11 @@ fn the_same_seed_gives_the_same() {
             for t in times(&a, 0.37) {
                 a.vertices(t, &mut va);
                 b.vertices(t, &mut vb);
-                assert!(va.iter().zip(&vb).all(|(a, b)| a.to_array().map(f32::to_bits) == b.to_array().map(f32::to_bits)));
+                assert!(
+                    va.iter()
+                        .zip(&vb)
+                        .all(|(a, b)| a.to_array().map(f32::to_bits) == b.to_array().map(f32::to_bits))
+                );
             }
             assert_ne!(a.hand(1.5), other.hand(1.5));
         }
@@ -302,7 +318,15 @@ fn impossible_briefs_are_refused() {
     let usual = person(0);
     let label = Some(CATEGORIES[0]);
     let refused = |person: &Person, label: Option<Category>, objects: &[Object]| {
-        let brief = Brief { person, place: place(0), radar: RADAR, label, objects, manner: Manner::MinimumJerk };
+        let brief = Brief {
+            person,
+            place: place(0),
+            radar: RADAR,
+            offsets: &[],
+            label,
+            objects,
+            manner: Manner::MinimumJerk,
+        };
         Generated::new(&brief, &mut ChaCha8Rng::seed_from_u64(0)).unwrap_err()
     };
     assert!(matches!(refused(&tall, label, &[Object::Phone]), BriefError::Size { .. }));
@@ -324,7 +348,8 @@ fn asking_is_cheap() {
     let mesh = each(3000, &mut |t| generated.vertices(t, &mut vertices));
     let tag = each(30_000, &mut |t| assert!(generated.tag(generated.target().unwrap(), t).is_finite()));
     let hand = each(30_000, &mut |t| assert!(generated.hand(t).is_finite()));
-    let whole = each(20, &mut |t| assert!(sample(None, Manner::MinimumJerk, (t * 1e4) as u64).duration_s() > 1.0));
+    let whole =
+        each(20, &mut |t| assert!(sample(None, Manner::MinimumJerk, (t * 1e4) as u64).duration_s() > 1.0));
     eprintln!("vertices {mesh:.1} us, tag {tag:.2} us, hand {hand:.2} us, a sample {:.1} ms", whole / 1e3);
     // Bounds of a slow machine with others at work.
     assert!(mesh < 200.0 && tag < 10.0 && hand < 10.0);

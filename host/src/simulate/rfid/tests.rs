@@ -35,6 +35,7 @@ fn scene(antennas: usize) -> Scene {
             position: Vec3::new(0.0, 0.1, 1.0),
             yaw_rad: 0.0,
             pitch_rad: 0.0,
+            depth_m: 3.05,
             profile: RadarProfile::bridge(),
         },
         reader: Reader { antennas: (0..antennas).map(antenna).collect(), power_dbm: 30.0 },
@@ -46,7 +47,7 @@ fn scene(antennas: usize) -> Scene {
 
 fn tags(count: usize) -> Vec<Tag> {
     let epc = |n: usize| Epc::new(&[0xe2, 0x80, 0, 0, 0, 0, 0, 0, 0, 0, 0, n as u8]).unwrap();
-    (0..count).map(|n| Tag { epc: epc(n), object: Object::Cup }).collect()
+    (0..count).map(|n| Tag { epc: epc(n), object: Object::Cup, offset: Vec3::ZERO }).collect()
 }
 
 /// Nobody moves; these stand in the way.

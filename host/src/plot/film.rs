@@ -1,0 +1,173 @@
+//! Figures in motion, as animated GIF files.
+
+use std::borrow::Cow;
+use std::fs::File;
+use std::io::{BufWriter, Write};
+use std::path::Path;
+
+use gif::{Encoder, Frame, Repeat};
+
+use super::canvas::{FRAME, GRID, INK, Rgb};
+use super::{Figure, PlotError, colour};
+use crate::atomic::AtomicFile;
+
+/// Colours of maps, greys, and steps from white to each series' colour: together at most 256.
+const MAP_COLOURS: usize = 120;
+const GREYS: usize = 52;
+const LEVELS: usize = 20;
+const TINTS: usize = 8;
+/// Bits of each channel by which the nearest colour is found.
+const BITS: u32 = 5;
+
+/// Draws `figures`, all of one size, one after the other every `frame_s` seconds and puts them at `path`, which should end
+/// in `.gif`. GIF counts in hundredths of a second, to which the times are rounded so that they do not drift; the last
+/// picture stays for a second before the film begins again.
+///
+/// # Errors
+/// Any [`PlotError`]; a figure of another size than the first is refused.
+pub fn save_film(
+    path: impl AsRef<Path>,
+    figures: impl IntoIterator<Item = Figure>,
+    frame_s: f64,
+) -> Result<(), PlotError> {
+    let path = path.as_ref();
+    let trouble = |reason: String| PlotError::Draw { path: path.to_path_buf(), reason };
+    let palette = Palette::new();
+    let file = AtomicFile::create(path)?;
+    let out = File::create(file.temporary()).map_err(|e| trouble(e.to_string()))?;
+    let mut film: Option<(Encoder<BufWriter<File>>, Vec<u8>, (u32, u32))> = None;
+    let mut out = Some(BufWriter::new(out));
+    let mut figures = figures.into_iter().peekable();
+    let mut number = 0_u32;
+    while let Some(figure) = figures.next() {
+        let (size, pixels) = figure.canvas(path)?.pixels();
+        let indices = palette.indices(&pixels);
+        let hundredths = |n: u32| (f64::from(n) * frame_s * 100.0).round() as u64;
+        let delay = if figures.peek().is_some() { hundredths(number + 1) - hundredths(number) } else { 100 };
+        number += 1;
+        let (encoder, before, first_size) = match &mut film {
+            Some(film) => film,
+            none => {
+                let Some(out) = out.take() else { return Err(trouble("the file is not open".into())) };
+                let (width, height) = (size.0 as u16, size.1 as u16);
+                let mut encoder =
+                    Encoder::new(out, width, height, &palette.bytes()).map_err(|e| trouble(e.to_string()))?;
+                encoder.set_repeat(Repeat::Infinite).map_err(|e| trouble(e.to_string()))?;
+                none.insert((encoder, Vec::new(), size))
+            }
+        };
+        if size != *first_size {
+            return Err(trouble(format!("picture {number} of the film has another size than the first")));
+        }
+        let mut frame = changed(before, &indices, size.0 as usize);
+        frame.delay = u16::try_from(delay).unwrap_or(u16::MAX);
+        encoder.write_frame(&frame).map_err(|e| trouble(e.to_string()))?;
+        *before = indices;
+    }
+    let Some((encoder, ..)) = film else { return Err(trouble("a film needs one picture or more".into())) };
+    let mut out = encoder.into_inner().map_err(|e| trouble(e.to_string()))?;
+    out.flush().map_err(|e| trouble(e.to_string()))?;
+    Ok(file.commit()?)
+}
+
+/// The rectangle in which `after` differs from `before`; all of it if there is nothing before, one pixel if nothing does.
+fn changed(before: &[u8], after: &[u8], width: usize) -> Frame<'static> {
+    let differs = |n: usize| before.get(n) != Some(&after[n]);
+    let (mut left, mut right, mut top, mut bottom) = (width, 0, usize::MAX, 0);
+    for n in (0..after.len()).filter(|&n| differs(n)) {
+        let (x, y) = (n % width, n / width);
+        (left, right) = (left.min(x), right.max(x));
+        (top, bottom) = (top.min(y), bottom.max(y));
+    }
+    if left > right {
+        (left, right, top, bottom) = (0, 0, 0, 0);
+    }
+    let rows = (top..=bottom).flat_map(|y| &after[y * width + left..=y * width + right]);
+    Frame {
+        left: left as u16,
+        top: top as u16,
+        width: (right - left + 1) as u16,
+        height: (bottom - top + 1) as u16,
+        buffer: Cow::Owned(rows.copied().collect()),
+        ..Frame::default()
+    }
+}
+
+/// The colours of a film: one table for all its pictures, so that they do not flicker.
+struct Palette {
+    colours: Vec<Rgb>,
+    /// Number of the nearest colour by the upper bits of red, green and blue.
+    nearest: Vec<u8>,
+}
+
+impl Palette {
+    fn new() -> Self {
+        let share = |n: usize, of: usize| n as f64 / (of - 1) as f64;
+        let mut colours: Vec<Rgb> =
+            (0..MAP_COLOURS).map(|n| colour::of_value(share(n, MAP_COLOURS))).collect();
+        colours.extend((0..GREYS).map(|n| [(255.0 * share(n, GREYS)).round() as u8; 3]));
+        colours.extend((0..LEVELS).map(|n| colour::of_level(share(n, LEVELS))));
+        for series in 0..colour::SERIES_COUNT {
+            let [r, g, b] = colour::of_series(series).map(f64::from);
+            colours.extend((0..TINTS).map(|n| {
+                let tint = 1.0 - n as f64 / TINTS as f64;
+                [r, g, b].map(|c| (255.0 + (c - 255.0) * tint).round() as u8)
+            }));
+        }
+        colours.extend([INK, FRAME, GRID]);
+        debug_assert!(colours.len() <= 256);
+        let side = 1 << BITS;
+        let nearest = (0..side * side * side).map(|cell| {
+            let channel =
+                |n: usize| ((cell >> (BITS as usize * n)) % side * 2 + 1) as i32 * (128 / side as i32);
+            let at = [channel(2), channel(1), channel(0)];
+            let distance = |colour: &Rgb| -> i32 {
+                (0..3).map(|c| (i32::from(colour[c]) - at[c]).pow(2) * [2, 4, 1][c]).sum()
+            };
+            colours.iter().enumerate().min_by_key(|(_, c)| distance(c)).map_or(0, |(n, _)| n as u8)
+        });
+        let nearest = nearest.collect();
+        Self { colours, nearest }
+    }
+
+    fn bytes(&self) -> Vec<u8> {
+        self.colours.concat()
+    }
+
+    fn indices(&self, pixels: &[u8]) -> Vec<u8> {
+        let cell = |p: &[u8]| {
+            let channel = |n: usize| usize::from(p[n] >> (8 - BITS));
+            channel(0) << (2 * BITS) | channel(1) << BITS | channel(2)
+        };
+        pixels.chunks_exact(3).map(|p| self.nearest[cell(p)]).collect()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn colours_of_pictures_are_near_to_those_of_films() {
+        let palette = Palette::new();
+        assert!(palette.colours.len() <= 256);
+        let drawn = (0..=50).map(|n| colour::of_value(f64::from(n) / 50.0)).chain([[255; 3], INK, GRID]);
+        for colour in drawn.chain((0..colour::SERIES_COUNT).map(colour::of_series)) {
+            let shown = palette.colours[usize::from(palette.indices(&colour)[0])];
+            let off = (0..3).map(|c| colour[c].abs_diff(shown[c])).max();
+            assert!(off <= Some(14), "{colour:?} -> {shown:?}");
+        }
+    }
+
+    #[test]
+    fn only_what_changes_is_written() {
+        let before = [0_u8; 12];
+        let mut after = before;
+        (after[5], after[10]) = (3, 4);
+        let frame = changed(&before, &after, 4);
+        assert_eq!((frame.left, frame.top, frame.width, frame.height), (1, 1, 2, 2));
+        assert_eq!(*frame.buffer, [3, 0, 0, 4]);
+        assert_eq!(changed(&before, &before, 4).buffer.len(), 1);
+        assert_eq!(changed(&[], &after, 4).buffer.len(), 12);
+    }
+}

@@ -1,0 +1,253 @@
+//! The scene from above, from the side and from the radar.
+
+use std::fmt;
+
+use glam::Vec3;
+
+use super::{Sample, Thing};
+use crate::plot::{Axis, ColourScale, Paint, Panel, Shape, View};
+
+/// What is shown around people and things, m: from above, and in height.
+const AROUND_M: f32 = 0.6;
+const HEADROOM_M: f32 = 0.25;
+/// Least height of the views, m.
+const LEAST_HEIGHT_M: f32 = 2.0;
+/// Paths weaker than the strongest by more than this are as pale as can be, dB.
+const PATH_SPAN_DB: f32 = 40.0;
+/// Series whose colours mark the target, other things, and reader antennas.
+const TARGET: Paint = Paint::Series(1);
+const OTHER: Paint = Paint::Series(0);
+const ANTENNA: Paint = Paint::Series(2);
+/// Greys of a surface that faces the eye, and of one that is seen edge-on.
+const LIT: f32 = 205.0;
+const SHADED: f32 = 105.0;
+
+/// Where the eye is.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Eye {
+    Above,
+    /// On the right wall as seen from the radar's.
+    Side,
+    /// On the radar's wall.
+    Front,
+}
+
+impl Eye {
+    pub(super) const ALL: [Self; 3] = [Self::Above, Self::Side, Self::Front];
+
+    /// Towards the eye.
+    fn direction(self) -> Vec3 {
+        match self {
+            Self::Above => Vec3::Z,
+            Self::Side => Vec3::X,
+            Self::Front => Vec3::NEG_Y,
+        }
+    }
+
+    /// Right and up as the eye sees it.
+    fn flat(self, point: Vec3) -> (f64, f64) {
+        let (right, up) = match self {
+            Self::Above => (point.x, point.y),
+            Self::Side => (point.y, point.z),
+            Self::Front => (point.x, point.z),
+        };
+        (right.into(), up.into())
+    }
+
+    fn labels(self) -> (&'static str, &'static str) {
+        match self {
+            Self::Above => ("x", "y"),
+            Self::Side => ("y", "height"),
+            Self::Front => ("x", "height"),
+        }
+    }
+}
+
+impl fmt::Display for Eye {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::Above => "From above (squares: reader antennas)",
+            Self::Side => "From the right",
+            Self::Front => "From the radar",
+        })
+    }
+}
+
+/// Whose names are written.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Names {
+    All,
+    Target,
+}
+
+/// Views of a sample, all of the same part of the room.
+pub(super) struct Views<'s> {
+    sample: &'s Sample,
+    min: Vec3,
+    max: Vec3,
+    /// Level of the strongest path, if there is any.
+    strongest_db: Option<f32>,
+}
+
+impl<'s> Views<'s> {
+    pub(super) fn new(sample: &'s Sample) -> Self {
+        let (room, radar) = (&sample.scene.room, sample.scene.radar.position);
+        let antennas = sample.scene.reader.antennas.iter().map(|a| a.position);
+        let moving = sample.moments.iter().flat_map(|m| m.vertices.iter().chain(&m.things).copied());
+        let all = antennas.chain(moving).filter(|p| p.is_finite());
+        let (low, high) = all.fold((radar, radar), |(low, high), p| (low.min(p), high.max(p)));
+        let margin = Vec3::new(AROUND_M, AROUND_M, HEADROOM_M);
+        let (mut min, mut max) = ((low - margin).max(room.min), (high + margin).min(room.max));
+        min.z = room.min.z;
+        max.z = max.z.max(room.min.z + LEAST_HEIGHT_M);
+        let levels = sample.moments.iter().flat_map(|m| m.paths.iter().map(|p| p.level_db));
+        let strongest_db = levels.filter(|l| l.is_finite()).reduce(f32::max);
+        // A little more than the room, so that walls that are near are seen.
+        Self { sample, min: min - 0.05, max: max + 0.05, strongest_db }
+    }
+
+    /// The view of moment number `moment`.
+    pub(super) fn panel(&self, eye: Eye, moment: usize, names: Names, title: String) -> Panel {
+        let ((x_from, y_from), (x_to, y_to)) = (eye.flat(self.min), eye.flat(self.max));
+        let (x, y) = eye.labels();
+        let mut shapes = self.fixed(eye);
+        if let Some(moment) = self.sample.moments.get(moment) {
+            let mut paths: Vec<_> = moment.paths.iter().collect();
+            paths.sort_by(|a, b| a.level_db.total_cmp(&b.level_db));
+            shapes.extend(paths.into_iter().map(|path| Shape::Line {
+                points: path.points.iter().map(|&p| eye.flat(p)).collect(),
+                paint: Paint::Level(path.level_db),
+                width: 1,
+            }));
+            self.body(eye, &moment.vertices, &mut shapes);
+            // The target last, over the others.
+            let mut things: Vec<(&Thing, Vec3)> =
+                self.sample.things.iter().zip(moment.things.iter().copied()).collect();
+            things.sort_by_key(|(thing, _)| thing.target);
+            shapes.extend(things.into_iter().map(|(thing, at)| Shape::Mark {
+                at: eye.flat(at),
+                radius: if thing.target { 7.0 } else { 4.0 },
+                square: false,
+                paint: if thing.target { TARGET } else { OTHER },
+                name: if thing.target || names == Names::All { thing.name.clone() } else { String::new() },
+            }));
+        }
+        // The radar's own eye does not see the radar.
+        if eye != Eye::Front {
+            shapes.extend(self.radios(eye, names));
+        }
+        let range = |top: f32| ColourScale::new("path", "dB").with_range(top - PATH_SPAN_DB, top);
+        Panel::View(View {
+            title,
+            x: Axis::new(x, "m", x_from, x_to),
+            y: Axis::new(y, "m", y_from, y_to),
+            shapes,
+            scale: self.strongest_db.map(range),
+        })
+    }
+
+    /// Walls and furniture.
+    fn fixed(&self, eye: Eye) -> Vec<Shape> {
+        let scene = &self.sample.scene;
+        let ((left, low), (right, high)) = (eye.flat(scene.room.min), eye.flat(scene.room.max));
+        let mut furniture: Vec<_> =
+            scene.furniture.iter().map(|f| (f, f.centre.dot(eye.direction()))).collect();
+        furniture.sort_by(|a, b| a.1.total_cmp(&b.1));
+        let mut shapes = Vec::new();
+        for (furniture, _) in furniture {
+            let mut outline = hull(furniture.corners().map(|c| eye.flat(c)).to_vec());
+            shapes.push(Shape::Polygon { corners: outline.clone(), paint: Paint::Grey(238) });
+            outline.extend(outline.first().copied());
+            shapes.push(Shape::Line { points: outline, paint: Paint::Grey(190), width: 1 });
+        }
+        let walls = vec![(left, low), (right, low), (right, high), (left, high), (left, low)];
+        shapes.push(Shape::Line { points: walls, paint: Paint::Grey(70), width: 3 });
+        shapes
+    }
+
+    /// What moves, lit from the eye, the farthest triangle first.
+    fn body(&self, eye: Eye, vertices: &[Vec3], shapes: &mut Vec<Shape>) {
+        let towards = eye.direction();
+        let mut seen = Vec::new();
+        for triangle in &self.sample.triangles {
+            let [Some(&a), Some(&b), Some(&c)] = triangle.map(|n| vertices.get(n as usize)) else { continue };
+            let facing = (b - a).cross(c - a).normalize_or_zero().dot(towards);
+            if facing > 0.0 {
+                seen.push(((a + b + c).dot(towards), facing, [a, b, c]));
+            }
+        }
+        seen.sort_by(|a, b| a.0.total_cmp(&b.0));
+        shapes.extend(seen.into_iter().map(|(_, facing, corners)| Shape::Polygon {
+            corners: corners.map(|c| eye.flat(c)).to_vec(),
+            paint: Paint::Grey((SHADED + (LIT - SHADED) * facing) as u8),
+        }));
+    }
+
+    /// Radar and reader antennas.
+    fn radios(&self, eye: Eye, names: Names) -> impl Iterator<Item = Shape> {
+        let scene = &self.sample.scene;
+        let antennas = scene.reader.antennas.iter().map(move |antenna| Shape::Mark {
+            at: eye.flat(antenna.position),
+            radius: 4.5,
+            square: true,
+            paint: ANTENNA,
+            name: String::new(),
+        });
+        let radar = Shape::Mark {
+            at: eye.flat(scene.radar.position),
+            radius: 5.0,
+            square: false,
+            paint: Paint::Grey(0),
+            name: if names == Names::All { "radar".into() } else { String::new() },
+        };
+        antennas.chain([radar])
+    }
+}
+
+/// The convex hull of points, counter-clockwise (A. Andrew's monotone chain, 1979).
+fn hull(mut points: Vec<(f64, f64)>) -> Vec<(f64, f64)> {
+    points.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.total_cmp(&b.1)));
+    let half = |points: &mut dyn Iterator<Item = (f64, f64)>| {
+        let mut chain: Vec<(f64, f64)> = Vec::new();
+        for p in points {
+            while let [.., a, b] = chain[..] {
+                if (b.0 - a.0) * (p.1 - a.1) - (b.1 - a.1) * (p.0 - a.0) > 0.0 {
+                    break;
+                }
+                chain.pop();
+            }
+            chain.push(p);
+        }
+        chain.pop();
+        chain
+    };
+    let mut outline = half(&mut points.iter().copied());
+    outline.extend(half(&mut points.iter().rev().copied()));
+    outline
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn hulls_hold_all_points_and_no_more() {
+        let square = [(0.0, 0.0), (2.0, 0.0), (2.0, 2.0), (0.0, 2.0)];
+        let mut points = square.to_vec();
+        points.extend([(1.0, 1.0), (2.0, 1.0), (0.0, 0.0)]);
+        assert_eq!(hull(points), square);
+    }
+
+    #[test]
+    fn eyes_see_right_handed_and_nearer_things_later() {
+        let (right, up) = (Vec3::X, Vec3::Y);
+        assert_eq!((Eye::Above.flat(right), Eye::Above.flat(up)), ((1.0, 0.0), (0.0, 1.0)));
+        for eye in Eye::ALL {
+            // Right x up points to the eye.
+            let axes = [Vec3::X, Vec3::Y, Vec3::Z];
+            let right = axes.into_iter().find(|&a| eye.flat(a) == (1.0, 0.0)).unwrap();
+            let up = axes.into_iter().find(|&a| eye.flat(a) == (0.0, 1.0)).unwrap();
+            assert_eq!(right.cross(up), eye.direction());
+        }
+    }
+}
