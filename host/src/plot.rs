@@ -36,6 +36,8 @@ const LARGEST: u32 = 4_096;
 /// Room beside a strip's panels for the labels of the first and the colour bar of the last, pixels.
 const STRIP_LEFT: i32 = 96;
 const STRIP_RIGHT: i32 = 92;
+/// Series whose colour frames the panel that stands out.
+pub const HIGHLIGHT: usize = 1;
 
 /// Why there is no picture.
 #[derive(Debug, thiserror::Error)]
@@ -112,6 +114,8 @@ pub struct Figure {
     pub panel_height: u32,
     /// Whether the panels of a row have one y axis and one colour scale, which are drawn once.
     pub strip: bool,
+    /// Number of a panel that stands out, with a frame around it.
+    pub highlighted: Option<usize>,
 }
 
 impl Figure {
@@ -125,6 +129,7 @@ impl Figure {
             width: 1_200,
             panel_height: if columns == 1 { 600 } else { 460 },
             strip: false,
+            highlighted: None,
         }
     }
 
@@ -177,6 +182,10 @@ impl Figure {
                 Panel::Heatmap(map) => map.draw(canvas, area, sides)?,
                 Panel::Lines(lines) => lines.draw(canvas, area, sides)?,
                 Panel::View(view) => view.draw(canvas, area, sides)?,
+            }
+            if self.highlighted == usize::try_from(number).ok() {
+                let frame = area.inside(4, 4, 4, 4);
+                canvas.outline(frame, colour::of_series(HIGHLIGHT), 3)?;
             }
         }
         Ok(())

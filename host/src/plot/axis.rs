@@ -83,8 +83,11 @@ impl Axis {
         let (low, high) = (self.from.min(self.to), self.from.max(self.to));
         let rough = (high - low) / f64::from(most.max(1));
         let power = 10_f64.powf(rough.log10().floor());
-        let step = [1.0, 2.0, 5.0, 10.0].map(|m| m * power).into_iter().find(|&step| step >= rough * 0.999);
-        let step = step.unwrap_or(10.0 * power);
+        let steps = [0.5, 1.0, 2.0, 5.0, 10.0].map(|m| m * power);
+        let wanted = steps.iter().position(|&step| step >= rough * 0.999).unwrap_or(steps.len() - 1);
+        // One tick tells no scale; then the next finer step has more.
+        let several = (high / steps[wanted]).floor() > (low / steps[wanted]).ceil();
+        let step = steps[if several { wanted } else { wanted.saturating_sub(1) }];
         let decimals = (-step.log10().floor()).max(0.0) as usize;
         let (first, last) = ((low / step - 1e-9).ceil(), (high / step + 1e-9).floor());
         if !(last - first).is_finite() || last - first > 1_000.0 {
@@ -165,6 +168,16 @@ impl Frame {
             }
             most -= 1;
         };
+        // Beside neighbours, labels keep to their own panel.
+        let mut own_ticks = Vec::new();
+        for (value, label) in x_ticks {
+            let half = f64::from(canvas.text_width(&label, TICK_LETTERS)?) / 2.0;
+            let column = x.place(value) * f64::from(plot.width);
+            if sides == Sides::ALL || (half..=f64::from(plot.width) - half).contains(&column) {
+                own_ticks.push((value, label));
+            }
+        }
+        let x_ticks = own_ticks;
         let y_title = f64::from(area.left) + LABEL_LETTERS / 2.0 + 2.0;
         Ok(Self { plot, x, y, x_ticks, y_ticks, sides, y_title })
     }
@@ -239,6 +252,11 @@ impl Frame {
         }
         Ok(())
     }
+}
+
+/// Room of a panel's title, pixels.
+pub(super) fn title_room(title: &str) -> i32 {
+    if title.is_empty() { 0 } else { TITLE_LETTERS as i32 + 10 }
 }
 
 /// Draws a panel's title over `plot`.

@@ -148,11 +148,16 @@ impl Canvas {
         }
     }
 
-    /// Draws the four sides of a rectangle.
+    /// Draws the four sides of a rectangle, a pixel wide.
     pub(super) fn frame(&mut self, area: Area, colour: Rgb) -> Drawn {
+        self.outline(area, colour, 1)
+    }
+
+    /// Draws the four sides of a rectangle, `width` pixels wide.
+    pub(super) fn outline(&mut self, area: Area, colour: Rgb, width: i32) -> Drawn {
         let (left, top) = (f64::from(area.left), f64::from(area.top));
         let (right, bottom) = (f64::from(area.right()), f64::from(area.bottom()));
-        self.line(&[(left, top), (right, top), (right, bottom), (left, bottom), (left, top)], colour, 1)
+        self.line(&[(left, top), (right, top), (right, bottom), (left, bottom), (left, top)], colour, width)
     }
 
     /// Draws a line through points, `width` pixels wide.

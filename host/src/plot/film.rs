@@ -11,6 +11,8 @@ use super::canvas::{FRAME, GRID, INK, Rgb};
 use super::{Figure, PlotError, colour};
 use crate::atomic::AtomicFile;
 
+/// How long the last picture stays, 1/100 s.
+const LAST_STAYS: u64 = 100;
 /// Colours of maps, greys, and steps from white to each series' colour: together at most 256.
 const MAP_COLOURS: usize = 120;
 const GREYS: usize = 52;
@@ -33,38 +35,36 @@ pub fn save_film(
     let path = path.as_ref();
     let trouble = |reason: String| PlotError::Draw { path: path.to_path_buf(), reason };
     let palette = Palette::new();
+    let mut figures = figures.into_iter();
+    let first = figures.next().ok_or_else(|| trouble("a film needs one picture or more".into()))?;
+    let (size, pixels) = first.canvas(path)?.pixels();
+
     let file = AtomicFile::create(path)?;
     let out = File::create(file.temporary()).map_err(|e| trouble(e.to_string()))?;
-    let mut film: Option<(Encoder<BufWriter<File>>, Vec<u8>, (u32, u32))> = None;
-    let mut out = Some(BufWriter::new(out));
-    let mut figures = figures.into_iter().peekable();
-    let mut number = 0_u32;
-    while let Some(figure) = figures.next() {
-        let (size, pixels) = figure.canvas(path)?.pixels();
-        let indices = palette.indices(&pixels);
-        let hundredths = |n: u32| (f64::from(n) * frame_s * 100.0).round() as u64;
-        let delay = if figures.peek().is_some() { hundredths(number + 1) - hundredths(number) } else { 100 };
-        number += 1;
-        let (encoder, before, first_size) = match &mut film {
-            Some(film) => film,
-            none => {
-                let Some(out) = out.take() else { return Err(trouble("the file is not open".into())) };
-                let (width, height) = (size.0 as u16, size.1 as u16);
-                let mut encoder =
-                    Encoder::new(out, width, height, &palette.bytes()).map_err(|e| trouble(e.to_string()))?;
-                encoder.set_repeat(Repeat::Infinite).map_err(|e| trouble(e.to_string()))?;
-                none.insert((encoder, Vec::new(), size))
-            }
-        };
-        if size != *first_size {
-            return Err(trouble(format!("picture {number} of the film has another size than the first")));
-        }
-        let mut frame = changed(before, &indices, size.0 as usize);
-        frame.delay = u16::try_from(delay).unwrap_or(u16::MAX);
+    let encoder = Encoder::new(BufWriter::new(out), size.0 as u16, size.1 as u16, &palette.bytes());
+    let mut encoder = encoder.map_err(|e| trouble(e.to_string()))?;
+    encoder.set_repeat(Repeat::Infinite).map_err(|e| trouble(e.to_string()))?;
+
+    let hundredths = |n: u32| (f64::from(n) * frame_s * 100.0).round() as u64;
+    let mut shown = palette.indices(&pixels);
+    let mut frame = changed(&[], &shown, size.0 as usize);
+    for number in 1.. {
+        let next = figures.next();
+        let stay = if next.is_some() { hundredths(number) - hundredths(number - 1) } else { LAST_STAYS };
+        frame.delay = u16::try_from(stay).unwrap_or(u16::MAX);
         encoder.write_frame(&frame).map_err(|e| trouble(e.to_string()))?;
-        *before = indices;
+        let Some(next) = next else { break };
+        let (next_size, pixels) = next.canvas(path)?.pixels();
+        if next_size != size {
+            return Err(trouble(format!(
+                "picture {} of the film has another size than the first",
+                number + 1
+            )));
+        }
+        let indices = palette.indices(&pixels);
+        frame = changed(&shown, &indices, size.0 as usize);
+        shown = indices;
     }
-    let Some((encoder, ..)) = film else { return Err(trouble("a film needs one picture or more".into())) };
     let mut out = encoder.into_inner().map_err(|e| trouble(e.to_string()))?;
     out.flush().map_err(|e| trouble(e.to_string()))?;
     Ok(file.commit()?)
@@ -116,10 +116,10 @@ impl Palette {
         }
         colours.extend([INK, FRAME, GRID]);
         debug_assert!(colours.len() <= 256);
-        let side = 1 << BITS;
+        let side = 1_usize << BITS;
         let nearest = (0..side * side * side).map(|cell| {
-            let channel =
-                |n: usize| ((cell >> (BITS as usize * n)) % side * 2 + 1) as i32 * (128 / side as i32);
+            // From 0 to 255, so that black and white are themselves.
+            let channel = |n: usize| ((cell >> (BITS as usize * n)) % side * 255 / (side - 1)) as i32;
             let at = [channel(2), channel(1), channel(0)];
             let distance = |colour: &Rgb| -> i32 {
                 (0..3).map(|c| (i32::from(colour[c]) - at[c]).pow(2) * [2, 4, 1][c]).sum()
@@ -152,6 +152,7 @@ mod tests {
         let palette = Palette::new();
         assert!(palette.colours.len() <= 256);
         let drawn = (0..=50).map(|n| colour::of_value(f64::from(n) / 50.0)).chain([[255; 3], INK, GRID]);
+        assert_eq!(palette.colours[usize::from(palette.indices(&[255; 3])[0])], [255; 3]);
         for colour in drawn.chain((0..colour::SERIES_COUNT).map(colour::of_series)) {
             let shown = palette.colours[usize::from(palette.indices(&colour)[0])];
             let off = (0..3).map(|c| colour[c].abs_diff(shown[c])).max();

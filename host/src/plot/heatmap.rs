@@ -2,7 +2,7 @@
 
 use ndarray::{Array2, ArrayView2, Slice};
 
-use super::axis::{Axis, Frame, Sides, TICK_LETTERS, TITLE_LETTERS, draw_title};
+use super::axis::{Axis, Frame, Sides, TICK_LETTERS, draw_title, title_room};
 use super::bar::{Bar, ColourScale};
 use super::canvas::{Anchor, Area, Canvas, Drawn, FRAME, INK, Rgb};
 use super::colour;
@@ -53,7 +53,7 @@ impl Heatmap {
             MARGIN / 2,
         );
         let scale = self.scale.axis(self.values.iter().copied());
-        let title = TITLE_LETTERS as i32 + 10;
+        let title = title_room(&self.title);
         let bar = if sides.bar { Some(Bar::new(canvas, scale.clone(), area.height - title)?) } else { None };
         let room = bar.as_ref().map_or(0, Bar::width);
         let frame = Frame::new(canvas, area.inside(0, title, room, 0), (&self.x, &self.y), sides)?;

@@ -23,7 +23,7 @@ const MARKERS: [Marker; 4] = [Marker::Circle, Marker::Square, Marker::Triangle, 
 /// How a series is drawn.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Style {
-    /// A line from point to point, broken where y is no number.
+    /// A line from point to point, broken where y is no number; a point alone between breaks is a dot.
     #[default]
     Line,
     /// A dot for each point. For angles, which a line would run across the wrap.
@@ -182,6 +182,10 @@ fn draw_dots(canvas: &mut Canvas, frame: &Frame, points: &[Point], marker: Marke
 }
 
 fn draw_line(canvas: &mut Canvas, frame: &Frame, points: &[Point], colour: Rgb) -> Drawn {
+    let known = |n: Option<usize>| n.and_then(|n| points.get(n)).is_some_and(|p| p.1.is_finite());
+    let alone = |n: usize| known(Some(n)) && !known(n.checked_sub(1)) && !known(Some(n + 1));
+    let dots: Vec<Point> = (0..points.len()).filter(|&n| alone(n)).map(|n| points[n]).collect();
+    draw_dots(canvas, frame, &dots, Marker::Circle, colour)?;
     for pair in points.windows(2) {
         let places = [pair[0], pair[1]].map(|(x, y)| (frame.x.place(x), frame.y.place(y)));
         if let Some(places) = clipped(places) {

@@ -100,3 +100,22 @@ fn ticks_are_round_and_labelled_without_surplus() {
     assert_eq!(labels(0.0, 0.3, 3), ["0.0", "0.1", "0.2", "0.3"]);
     assert_eq!(labels(0.0, 2e7, 2), ["0", "1.00e7", "2.00e7"]);
 }
+
+#[test]
+fn narrow_axes_have_more_than_one_tick() {
+    let ticks = Axis::new("", "", -4.5, 4.5).ticks(4);
+    assert_eq!(ticks.iter().map(|t| t.0).collect::<Vec<_>>(), [-4.0, -2.0, 0.0, 2.0, 4.0]);
+    assert_eq!(Axis::new("", "", -170.0, 170.0).ticks(3).len(), 3);
+}
+
+#[test]
+fn a_point_alone_between_gaps_is_seen() {
+    let gap = f64::NAN;
+    let series = |middle: f64| Series {
+        name: String::new(),
+        points: vec![(0.6, gap), (0.7, middle), (0.8, gap)],
+        style: Style::Line,
+    };
+    let picture = |middle| saved(&Figure::new(vec![Panel::Lines(lines(vec![series(middle)]))]));
+    assert_ne!(picture(3.0), picture(gap));
+}

@@ -1,6 +1,6 @@
 //! A view of a scene: polygons, lines and named markers over two axes of the same scale.
 
-use super::axis::{Axis, Frame, Sides, TICK_LETTERS, TITLE_LETTERS, draw_title};
+use super::axis::{Axis, Frame, Sides, TICK_LETTERS, draw_title, title_room};
 use super::bar::{Bar, ColourScale};
 use super::canvas::{Anchor, Area, Canvas, Drawn, INK, Marker, Point, Rgb};
 use super::colour;
@@ -12,6 +12,8 @@ const MARGIN: i32 = 14;
 const NAME_LETTERS: f64 = TICK_LETTERS;
 /// From a marker to its name, pixels, in the order in which places are tried.
 const NAME_AT: [f64; 4] = [12.0, 26.0, 44.0, 66.0];
+/// Width of the pale edge around names, pixels.
+const EDGE: f64 = 2.0;
 /// A name farther than this from its marker is joined to it by a line, pixels.
 const NEAR: f64 = 14.0;
 
@@ -83,7 +85,7 @@ impl View {
             if sides.bar { MARGIN } else { 0 },
             MARGIN / 2,
         );
-        let title = TITLE_LETTERS as i32 + 10;
+        let title = title_room(&self.title);
         let scale = self.scale.as_ref().map(|s| s.axis(std::iter::empty()));
         let bar = match &scale {
             Some(scale) if sides.bar => Some(Bar::new(canvas, scale.clone(), area.height - title)?),
@@ -126,7 +128,7 @@ impl View {
         let mut taken: Vec<Area> =
             marks.iter().map(|&((x, y), r, _)| around((x - r, y - r), (2.0 * r, 2.0 * r))).collect();
         for (at, radius, name) in marks.iter().filter(|m| !m.2.is_empty()) {
-            let size = (f64::from(canvas.text_width(name, NAME_LETTERS)?), NAME_LETTERS);
+            let size = (f64::from(canvas.text_width(name, NAME_LETTERS)?) + 2.0 * EDGE, NAME_LETTERS + 2.0);
             let plot = frame.plot.inside(2, 2, 2, 2);
             let places = NAME_AT.into_iter().flat_map(|far| {
                 // To the right, to the left, and above and below of both.
@@ -159,8 +161,9 @@ impl View {
             let anchor = if left { Anchor::Right } else { Anchor::Left };
             taken.push(area(place));
             // A pale edge keeps letters readable on whatever they lie.
-            for (dx, dy) in [(-1.0, 0.0), (1.0, 0.0), (0.0, -1.0), (0.0, 1.0)] {
-                canvas.text(name, NAME_LETTERS, (x + dx, y + dy), anchor, [255; 3])?;
+            for n in 0..8 {
+                let (sin, cos) = (f64::from(n) * std::f64::consts::FRAC_PI_4).sin_cos();
+                canvas.text(name, NAME_LETTERS, (x + EDGE * cos, y + EDGE * sin), anchor, [255; 3])?;
             }
             canvas.text(name, NAME_LETTERS, (x, y), anchor, INK)?;
         }

@@ -7,8 +7,6 @@ use crate::plot::{Axis, ColourScale, Heatmap, Panel, Reduce};
 
 /// Colours span at most so much down from the strongest cell, dB; the weaker half of all cells is darkest in any case.
 const SPAN_DB: f32 = 60.0;
-/// Doppler bins on either side of zero that do not count as moving.
-const GUARD: usize = 1;
 
 /// Maps of a sample, each kind with one scale.
 pub(super) struct Maps<'s> {
@@ -31,16 +29,16 @@ impl<'s> Maps<'s> {
         }
     }
 
-    /// Number of the moment with the strongest cell that moves.
-    pub(super) fn strongest(&self) -> usize {
-        let moving = |moment: &Moment| {
+    /// Number of the moment with most motion: the most power, weighted with speed.
+    pub(super) fn liveliest(&self) -> usize {
+        let motion = |moment: &Moment| -> f64 {
             let zero = moment.range_doppler.ncols() / 2;
-            let cells = moment.range_doppler.indexed_iter().filter(|((_, d), _)| d.abs_diff(zero) > GUARD);
-            cells.map(|(_, &level)| level).filter(|l| l.is_finite()).fold(f32::NEG_INFINITY, f32::max)
+            let cells = moment.range_doppler.indexed_iter().filter(|(_, level)| level.is_finite());
+            cells.map(|((_, d), &level)| d.abs_diff(zero) as f64 * 10_f64.powf(f64::from(level) / 10.0)).sum()
         };
-        let levels = self.sample.moments.iter().map(moving).enumerate();
+        let motions = self.sample.moments.iter().map(motion).enumerate();
         // The first of equals.
-        levels.rev().max_by(|a, b| a.1.total_cmp(&b.1)).map_or(0, |(n, _)| n)
+        motions.rev().max_by(|a, b| a.1.total_cmp(&b.1)).map_or(0, |(n, _)| n)
     }
 
     pub(super) fn range_doppler(&self, moment: usize, title: String) -> Panel {

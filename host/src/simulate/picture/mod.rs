@@ -1,7 +1,7 @@
 //! Pictures of a simulated sample, so that someone can see what it is of.
 //!
 //! In: a [`Sample`], what the simulator knows of it frame by frame. Out: a figure (`sample.png`) with the scene from
-//! three sides, the maps of the strongest frame and all maps over time, and the tags' phase differences; a film strip
+//! three sides, the maps of the frame with most motion and all maps over time, and the tags' phase differences; a film strip
 //! (`strip.png`) of a few moments side by side; and an animated GIF (`film.gif`) at the true frame rate.
 
 mod maps;
@@ -16,7 +16,7 @@ use ndarray::Array2;
 use super::scene::Scene;
 use crate::plot::{Figure, Panel, PlotError, save_film};
 use maps::Maps;
-use views::{Eye, Names, Views};
+use views::{Eye, Scope, Views};
 
 /// Moments of the film strip.
 const STRIP_MOMENTS: usize = 8;
@@ -121,24 +121,27 @@ impl Sample {
     /// One figure of all.
     pub fn figure(&self) -> Figure {
         let (views, maps) = (Views::new(self), Maps::new(self));
-        let strongest = maps.strongest();
+        let shown = maps.liveliest();
         let mut panels: Vec<Panel> = Eye::ALL
             .iter()
-            .map(|&eye| {
-                views.panel(eye, strongest, Names::All, format!("{eye}, at {}", self.time(strongest)))
-            })
+            .map(|&eye| views.panel(eye, shown, Scope::Whole, format!("{eye}, at {}", self.time(shown))))
             .collect();
-        let at = format!("frame {strongest} at {}", self.time(strongest));
+        let at = format!("frame {shown} at {}", self.time(shown));
         panels.extend([
-            maps.range_doppler(strongest, format!("Range-Doppler, {at}")),
-            maps.range_time(strongest, format!("Range-time, {at}")),
-            maps.angles(strongest, format!("Angles of arrival, {at}")),
+            maps.range_doppler(shown, format!("Range-Doppler, {at}")),
+            maps.range_time(shown, format!("Range-time, {at}")),
+            maps.angles(shown, format!("Angles of arrival, {at}")),
             maps.range_over_time(None),
             maps.velocity_over_time(),
             maps.azimuth_over_time(),
         ]);
-        panels.extend(tags::panels(self));
+        let tags = tags::panels(self);
+        // Those of the target come first.
+        let target = self.things.iter().any(|t| t.target) && !tags.is_empty();
+        let highlighted = target.then_some(panels.len());
+        panels.extend(tags);
         Figure {
+            highlighted,
             title: Some(self.title.clone()),
             columns: 3,
             width: 1_860,
@@ -161,8 +164,8 @@ impl Sample {
             .collect();
         let row = |panel: &dyn Fn(usize) -> Panel| shown.iter().map(|&n| panel(n)).collect::<Vec<_>>();
         let panels = [
-            row(&|n| views.panel(Eye::Side, n, Names::Target, self.time(n))),
-            row(&|n| views.panel(Eye::Above, n, Names::Target, String::new())),
+            row(&|n| views.panel(Eye::Side, n, Scope::Near, self.time(n))),
+            row(&|n| views.panel(Eye::Above, n, Scope::Near, String::new())),
             row(&|n| maps.range_doppler(n, String::new())),
             row(&|n| maps.angles(n, String::new())),
         ];
@@ -170,7 +173,7 @@ impl Sample {
             title: Some(self.title.clone()),
             columns: STRIP_MOMENTS,
             width: 2_400,
-            panel_height: 300,
+            panel_height: 330,
             strip: true,
             ..Figure::new(panels.concat())
         }
@@ -182,8 +185,8 @@ impl Sample {
         (0..self.moments.len()).map(move |n| {
             let now_s = n as f64 * self.frame_s;
             let mut panels = vec![
-                views.panel(Eye::Above, n, Names::All, "From above".into()),
-                views.panel(Eye::Side, n, Names::Target, "From the right".into()),
+                views.panel(Eye::Above, n, Scope::Whole, "From above".into()),
+                views.panel(Eye::Side, n, Scope::Near, "From the right".into()),
                 maps.range_doppler(n, "Range-Doppler".into()),
                 maps.range_over_time(Some(now_s)),
                 maps.angles(n, "Angles of arrival".into()),
@@ -192,7 +195,7 @@ impl Sample {
             let acting = self.interaction_s.is_some_and(|(from, to)| (from..=to).contains(&now_s));
             let doing = if acting { ", interaction" } else { "" };
             Figure {
-                title: Some(format!("{}, {}{doing}", self.title, self.time(n))),
+                title: Some(format!("{}, t = {}{doing}", self.title, self.time(n))),
                 columns: 3,
                 width: 1_320,
                 panel_height: 330,

@@ -163,7 +163,7 @@ fn sample() -> Sample {
             let point = |n: usize| {
                 let noise = ((n * 37 + thing * 11 + port * 5) % 13) as f64 / 13.0 - 0.5;
                 let turned = f64::from(way(n) - way(n - 1)) * 2.0 * TAU / 0.328;
-                let lost = (n + thing) % 17 < 2 || (thing == 4 && n % 3 > 0);
+                let lost = (n + thing) % 17 < 2 || (thing == 4 && !n.is_multiple_of(3));
                 (n as f64 * FRAME_S + 0.01 * port as f64, (!lost).then_some(turned + 0.1 * noise))
             };
             Differences { thing, antenna: port as u16 + 1, points: (1..FRAMES).map(point).collect() }
@@ -185,9 +185,14 @@ fn sample() -> Sample {
 
 #[test]
 fn all_pictures_are_written_and_repeat_byte_for_byte() {
-    let sample = sample();
+    let mut sample = sample();
     let folder = tempfile::tempdir().unwrap();
     let kept = std::env::var_os("RFHOI_PICTURES").map(PathBuf::from);
+    if kept.is_none() {
+        // Half a film is as good for a test, and takes half as long.
+        sample.moments.truncate(FRAMES / 2);
+    }
+    let frames = sample.moments.len();
     let written = sample.write(kept.as_deref().unwrap_or(folder.path())).unwrap();
     let bytes: Vec<Vec<u8>> = written.iter().map(|p| std::fs::read(p).unwrap()).collect();
     assert_eq!(
@@ -196,8 +201,8 @@ fn all_pictures_are_written_and_repeat_byte_for_byte() {
     );
     let film = gif::DecodeOptions::new().read_info(&bytes[2][..]).unwrap();
     let delays: Vec<u16> = film.into_iter().map(|frame| frame.unwrap().delay).collect();
-    assert_eq!(delays.len(), FRAMES);
-    assert!(delays[..FRAMES - 1].iter().all(|&d| d == 10), "ten pictures a second: {delays:?}");
+    assert_eq!(delays.len(), frames);
+    assert!(delays[..frames - 1].iter().all(|&d| d == 10), "ten pictures a second: {delays:?}");
     let again = tempfile::tempdir().unwrap();
     sample.figure().save(again.path().join("sample.png")).unwrap();
     assert_eq!(std::fs::read(again.path().join("sample.png")).unwrap(), bytes[0]);
@@ -225,7 +230,7 @@ fn what_lacks_tags_paths_bodies_or_maps_is_drawn_all_the_same() {
 }
 
 #[test]
-fn the_target_comes_first_and_the_strongest_frame_is_in_the_interaction() {
+fn the_target_comes_first_and_the_liveliest_frame_is_in_the_interaction() {
     let sample = sample();
     let panels = tags::panels(&sample);
     let titles: Vec<&str> = panels
@@ -236,6 +241,6 @@ fn the_target_comes_first_and_the_strongest_frame_is_in_the_interaction() {
         })
         .collect();
     assert_eq!(titles[..2], ["Tag on the book, the target", "Tag on the phone"]);
-    let strongest = Maps::new(&sample).strongest() as f64 * FRAME_S;
-    assert!((INTERACTION_S.0..INTERACTION_S.1).contains(&strongest), "{strongest}");
+    let liveliest = Maps::new(&sample).liveliest() as f64 * FRAME_S;
+    assert!((INTERACTION_S.0..INTERACTION_S.1).contains(&liveliest), "{liveliest}");
 }

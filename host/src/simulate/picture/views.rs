@@ -4,18 +4,21 @@ use std::fmt;
 
 use glam::Vec3;
 
-use super::{Sample, Thing};
-use crate::plot::{Axis, ColourScale, Paint, Panel, Shape, View};
+use super::{Moment, Sample, Thing};
+use crate::plot::{Axis, ColourScale, HIGHLIGHT, Paint, Panel, Shape, View};
+use crate::simulate::scene::Room;
 
 /// What is shown around people and things, m: from above, and in height.
-const AROUND_M: f32 = 0.6;
+const AROUND_M: f32 = 0.4;
 const HEADROOM_M: f32 = 0.25;
+/// Of the walls, m.
+const WALL_M: f32 = 0.05;
 /// Least height of the views, m.
 const LEAST_HEIGHT_M: f32 = 2.0;
 /// Paths weaker than the strongest by more than this are as pale as can be, dB.
 const PATH_SPAN_DB: f32 = 40.0;
-/// Series whose colours mark the target, other things, and reader antennas.
-const TARGET: Paint = Paint::Series(1);
+/// Colours of the target, of other things, and of reader antennas.
+const TARGET: Paint = Paint::Series(HIGHLIGHT);
 const OTHER: Paint = Paint::Series(0);
 const ANTENNA: Paint = Paint::Series(2);
 /// Greys of a surface that faces the eye, and of one that is seen edge-on.
@@ -73,42 +76,44 @@ impl fmt::Display for Eye {
     }
 }
 
-/// Whose names are written.
+/// How much is shown.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Names {
-    All,
-    Target,
+pub(super) enum Scope {
+    /// Radios, people and all things, with their names.
+    Whole,
+    /// People and the target, with the target's name.
+    Near,
 }
 
 /// Views of a sample, all of the same part of the room.
 pub(super) struct Views<'s> {
     sample: &'s Sample,
-    min: Vec3,
-    max: Vec3,
+    /// Corners of what is shown as a whole, and near.
+    whole: (Vec3, Vec3),
+    near: (Vec3, Vec3),
     /// Level of the strongest path, if there is any.
     strongest_db: Option<f32>,
 }
 
 impl<'s> Views<'s> {
     pub(super) fn new(sample: &'s Sample) -> Self {
-        let (room, radar) = (&sample.scene.room, sample.scene.radar.position);
-        let antennas = sample.scene.reader.antennas.iter().map(|a| a.position);
-        let moving = sample.moments.iter().flat_map(|m| m.vertices.iter().chain(&m.things).copied());
-        let all = antennas.chain(moving).filter(|p| p.is_finite());
-        let (low, high) = all.fold((radar, radar), |(low, high), p| (low.min(p), high.max(p)));
-        let margin = Vec3::new(AROUND_M, AROUND_M, HEADROOM_M);
-        let (mut min, mut max) = ((low - margin).max(room.min), (high + margin).min(room.max));
-        min.z = room.min.z;
-        max.z = max.z.max(room.min.z + LEAST_HEIGHT_M);
+        let target =
+            |m: &'s Moment| m.things.iter().zip(&sample.things).filter(|(_, t)| t.target).map(|(&at, _)| at);
+        let near = sample.moments.iter().flat_map(|m| m.vertices.iter().copied().chain(target(m)));
+        let radios =
+            sample.scene.reader.antennas.iter().map(|a| a.position).chain([sample.scene.radar.position]);
+        let things = sample.moments.iter().flat_map(|m| m.things.iter().copied());
+        let whole = extent(&sample.scene.room, near.clone().chain(things).chain(radios));
+        let near = extent(&sample.scene.room, near);
         let levels = sample.moments.iter().flat_map(|m| m.paths.iter().map(|p| p.level_db));
         let strongest_db = levels.filter(|l| l.is_finite()).reduce(f32::max);
-        // A little more than the room, so that walls that are near are seen.
-        Self { sample, min: min - 0.05, max: max + 0.05, strongest_db }
+        Self { sample, whole, near, strongest_db }
     }
 
     /// The view of moment number `moment`.
-    pub(super) fn panel(&self, eye: Eye, moment: usize, names: Names, title: String) -> Panel {
-        let ((x_from, y_from), (x_to, y_to)) = (eye.flat(self.min), eye.flat(self.max));
+    pub(super) fn panel(&self, eye: Eye, moment: usize, scope: Scope, title: String) -> Panel {
+        let (min, max) = if scope == Scope::Whole { self.whole } else { self.near };
+        let ((x_from, y_from), (x_to, y_to)) = (eye.flat(min), eye.flat(max));
         let (x, y) = eye.labels();
         let mut shapes = self.fixed(eye);
         if let Some(moment) = self.sample.moments.get(moment) {
@@ -129,12 +134,12 @@ impl<'s> Views<'s> {
                 radius: if thing.target { 7.0 } else { 4.0 },
                 square: false,
                 paint: if thing.target { TARGET } else { OTHER },
-                name: if thing.target || names == Names::All { thing.name.clone() } else { String::new() },
+                name: if thing.target || scope == Scope::Whole { thing.name.clone() } else { String::new() },
             }));
         }
         // The radar's own eye does not see the radar.
         if eye != Eye::Front {
-            shapes.extend(self.radios(eye, names));
+            shapes.extend(self.radios(eye, scope));
         }
         let range = |top: f32| ColourScale::new("path", "dB").with_range(top - PATH_SPAN_DB, top);
         Panel::View(View {
@@ -184,7 +189,7 @@ impl<'s> Views<'s> {
     }
 
     /// Radar and reader antennas.
-    fn radios(&self, eye: Eye, names: Names) -> impl Iterator<Item = Shape> {
+    fn radios(&self, eye: Eye, scope: Scope) -> impl Iterator<Item = Shape> {
         let scene = &self.sample.scene;
         let antennas = scene.reader.antennas.iter().map(move |antenna| Shape::Mark {
             at: eye.flat(antenna.position),
@@ -198,10 +203,23 @@ impl<'s> Views<'s> {
             radius: 5.0,
             square: false,
             paint: Paint::Grey(0),
-            name: if names == Names::All { "radar".into() } else { String::new() },
+            name: if scope == Scope::Whole { "radar".into() } else { String::new() },
         };
         antennas.chain([radar])
     }
+}
+
+/// Corners of what is shown of `room` so that `points` are seen; all of it if there are none.
+fn extent(room: &Room, points: impl Iterator<Item = Vec3>) -> (Vec3, Vec3) {
+    let ends = |(low, high): (Vec3, Vec3), p: Vec3| (low.min(p), high.max(p));
+    let known = points.filter(|p| p.is_finite()).map(|p| (p, p)).reduce(|a, b| ends(a, b.0));
+    let (low, high) = known.unwrap_or((room.min, room.max));
+    let margin = Vec3::new(AROUND_M, AROUND_M, HEADROOM_M);
+    let (mut min, mut max) = ((low - margin).max(room.min), (high + margin).min(room.max));
+    min.z = room.min.z;
+    max.z = max.z.max(room.min.z + LEAST_HEIGHT_M);
+    // A little more than the room, so that walls that are near are seen.
+    (min - WALL_M, max + WALL_M)
 }
 
 /// The convex hull of points, counter-clockwise (A. Andrew's monotone chain, 1979).
