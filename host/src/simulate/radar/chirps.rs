@@ -34,11 +34,21 @@ pub(super) struct Course {
 }
 
 impl Course {
+    #[inline(always)]
     pub(super) fn of(path: &Path) -> Self {
         let [begin, middle, end] = path.half_m.map(f64::from);
         Self { a: begin, b: 4.0 * middle - 3.0 * begin - end, c: 2.0 * (begin + end) - 4.0 * middle }
     }
 
+    /// The same in range bins by loop, of the chirps of a slot: `a + b l + c l^2`.
+    #[inline(always)]
+    pub(super) fn bins(&self, chirps: &Chirps, slot: usize) -> [f64; 3] {
+        let (x, h) = (chirps.x(slot), 1.0 / chirps.loops as f64);
+        let metres = [self.at(x), (self.b + 2.0 * self.c * x) * h, self.c * h * h];
+        metres.map(|m| m * f64::from(chirps.bins_per_m))
+    }
+
+    #[inline(always)]
     pub(super) fn at(&self, x: f64) -> f64 {
         self.a + x * (self.b + x * self.c)
     }

@@ -12,7 +12,7 @@ use rfhoi_firmware::dsp::window::hann;
 /// Bins that a path reaches. What lies beyond is 48 dB or more below its peak.
 pub(super) const TAPS: usize = 8;
 /// Bins before the one that `d` lies in.
-const BEFORE: isize = TAPS as isize / 2 - 1;
+const BEFORE: usize = TAPS / 2 - 1;
 /// Steps of `d` within a bin; the nearest one errs by at most 1/512 of a bin, which is 57 dB below the peak.
 const STEPS: usize = 256;
 
@@ -21,7 +21,7 @@ pub(super) type Taps = [f32; 2 * TAPS];
 
 /// W in steps of `d`.
 pub(super) struct Kernel {
-    taps: Vec<Taps>,
+    taps: Box<[Taps; STEPS]>,
 }
 
 impl Kernel {
@@ -37,16 +37,17 @@ impl Kernel {
         };
         let taps = |step: usize| {
             let fraction = step as f64 / STEPS as f64;
-            std::array::from_fn(|i| value(fraction - ((i / 2) as isize - BEFORE) as f64) as f32)
+            std::array::from_fn(|i| value(fraction - ((i / 2) as f64 - BEFORE as f64)) as f32)
         };
-        Self { taps: (0..=STEPS).map(taps).collect() }
+        Self { taps: Box::new(std::array::from_fn(taps)) }
     }
 
-    /// The first bin that a path at `bins` range bins reaches, and its share in this one and those after it.
-    pub(super) fn at(&self, bins: f32) -> (isize, &Taps) {
-        let whole = bins.floor();
-        let step = ((bins - whole) * STEPS as f32 + 0.5) as usize;
-        (whole as isize - BEFORE, &self.taps[step.min(STEPS)])
+    /// The first bin that a path at `bins` range bins reaches, and its share in this one and those after it. `bins` must
+    /// be [`TAPS`] or more.
+    #[inline(always)]
+    pub(super) fn at(&self, bins: f32) -> (usize, &Taps) {
+        let steps = (bins * STEPS as f32 + 0.5) as usize;
+        (steps / STEPS - BEFORE, &self.taps[steps % STEPS])
     }
 }
 
@@ -83,8 +84,8 @@ mod tests {
         for step in 0..100 {
             let d = 30.0 + f64::from(step) / 100.0;
             let (first, taps) = kernel.at(d as f32);
-            for bin in 0..60_isize {
-                let within = usize::try_from(bin - first).ok().filter(|i| *i < TAPS);
+            for bin in 0..60_usize {
+                let within = bin.checked_sub(first).filter(|i| *i < TAPS);
                 let approximate = within.map_or(0.0, |i| f64::from(taps[2 * i]));
                 let bound = if within.is_some() { -57.0 } else { -48.0 };
                 let error = 20.0 * (approximate - w(d - bin as f64)).abs().max(1e-12).log10();

@@ -70,7 +70,8 @@ pub struct Radar {
     view: View,
     paths: Vec<Path>,
     spectrum: Spectrum,
-    samples: Samples,
+    /// Only where samples were asked for.
+    samples: Option<Samples>,
     mapper: Mapper,
     jitter: Noise,
     thermal: Noise,
@@ -108,7 +109,7 @@ impl Radar {
             view: View::empty(),
             paths: Vec::new(),
             spectrum: Spectrum::new(&chirps, gate),
-            samples: Samples::new(&chirps),
+            samples: None,
             mapper: Mapper::new(&config),
             jitter: Noise::new(0, 1.0),
             thermal: Noise::new(0, 1.0),
@@ -152,8 +153,8 @@ impl Radar {
             still.retain(|p| p.half_m[1] < span_m);
         }
         self.spectrum.keep_still(&self.chirps, &still);
-        self.samples.keep_still(&self.chirps, &still);
         self.still = still;
+        self.samples = None;
     }
 
     fn to_radar(&self, point: Vec3) -> Vec3 {
@@ -216,14 +217,17 @@ impl Radar {
         self.chirp_samples(index);
         let Self { samples, chirps, config, effects, thermal, front_end, .. } = self;
         let thermal = effects.thermal_noise.then_some((thermal, front_end.noise));
-        samples.pack(chirps, config.profile.format, thermal, out);
+        if let Some(samples) = samples {
+            samples.pack(chirps, config.profile.format, thermal, out);
+        }
     }
 
     /// The samples of chirp `index` of the frame in view, receiver by receiver, relative to full scale: before thermal noise
     /// and ADC.
     pub fn chirp_samples(&mut self, index: u32) -> &[num_complex::Complex32] {
-        let Self { samples, chirps, paths, jitter, effects, .. } = self;
+        let Self { samples, chirps, paths, still, jitter, effects, .. } = self;
         let jitter_hz = if effects.phase_noise { jitter.draw() * front_end::CARRIER_JITTER_HZ } else { 0.0 };
+        let samples = samples.get_or_insert_with(|| Samples::new(chirps, still));
         samples.chirp(chirps, paths, index as usize, jitter_hz)
     }
 }

@@ -27,18 +27,19 @@ pub(super) struct Samples {
 const RAD_PER_HZ_M: f64 = 2.0 * TAU / SPEED_OF_LIGHT;
 
 impl Samples {
-    pub(super) fn new(chirps: &Chirps) -> Self {
+    /// With the sums of what does not move.
+    pub(super) fn new(chirps: &Chirps, still: &[Path]) -> Self {
         let virtuals = chirps.slots() * chirps.receivers();
-        Self {
+        let mut samples = Self {
             still: vec![[Complex32::default(); 2]; virtuals * chirps.samples],
             sums: vec![Complex32::default(); chirps.receivers() * chirps.samples],
             tone: vec![Complex32::default(); chirps.samples],
-        }
+        };
+        samples.add_still(chirps, still);
+        samples
     }
 
-    /// Sums up what does not move.
-    pub(super) fn keep_still(&mut self, chirps: &Chirps, paths: &[Path]) {
-        self.still.fill([Complex32::default(); 2]);
+    fn add_still(&mut self, chirps: &Chirps, paths: &[Path]) {
         for path in paths {
             let half_m = f64::from(path.half_m[1]);
             let per_hz = Complex32::new(0.0, (half_m * RAD_PER_HZ_M) as f32);
