@@ -20,11 +20,15 @@
 
 pub mod body;
 pub mod effects;
+mod grasp;
+pub mod meshes;
+pub mod perform;
 mod performance;
+pub mod recorded;
 pub mod recording;
 pub mod scene;
 mod shape;
 mod stage;
-pub mod perform;
+mod thing;
 
 pub use performance::{Capsule, Performance, Surface};

@@ -20,7 +20,9 @@ pub(crate) fn arc(from: Vec3, to: Vec3) -> Quat {
 pub(crate) fn basis(right: Vec3, up: Vec3) -> Quat {
     let forward = up.cross(right).try_normalize();
     match (forward, up.try_normalize()) {
-        (Some(forward), Some(up)) => Quat::from_mat3(&Mat3::from_cols(forward.cross(up), forward, up)).normalize(),
+        (Some(forward), Some(up)) => {
+            Quat::from_mat3(&Mat3::from_cols(forward.cross(up), forward, up)).normalize()
+        }
         _ => Quat::IDENTITY,
     }
 }

@@ -60,7 +60,11 @@ struct Segment {
 // calf 0.39, ankle 0.23, upper arm 0.36, forearm 0.31, wrist 0.18, neck 0.40 m; head 0.15 by 0.20 m.
 const ABDOMEN: Segment = Segment {
     poles: [-0.75, 1.35],
-    rings: &[ring(-0.5, 0.0, [0.088, 0.062]), ring(0.15, 0.0, [0.098, 0.070]), ring(0.95, 0.0, [0.090, 0.064])],
+    rings: &[
+        ring(-0.5, 0.0, [0.088, 0.062]),
+        ring(0.15, 0.0, [0.098, 0.070]),
+        ring(0.95, 0.0, [0.090, 0.064]),
+    ],
     sides: 10,
     reflectivity: material::CLOTH,
     girth: true,
@@ -113,7 +117,11 @@ const FOREARM: Segment = Segment {
 /// To the grip and on to the bent fingers.
 const HAND: Segment = Segment {
     poles: [-0.05, 1.75],
-    rings: &[ring(0.15, 0.0, [0.018, 0.014]), ring(0.85, 0.0, [0.025, 0.013]), ring(1.5, 0.0, [0.020, 0.012])],
+    rings: &[
+        ring(0.15, 0.0, [0.018, 0.014]),
+        ring(0.85, 0.0, [0.025, 0.013]),
+        ring(1.5, 0.0, [0.020, 0.012]),
+    ],
     sides: 6,
     reflectivity: material::SKIN,
     girth: false,
@@ -338,7 +346,11 @@ impl Turns {
                 // The toes are lower than the ankle when the sole is level.
                 let slope = lengths.instep / lengths.foot;
                 let forward = (to_toes + right.cross(to_toes) * slope).normalize();
-                Placed { origin: ankle, along: forward * lengths.foot, across: [-right, right.cross(forward)] }
+                Placed {
+                    origin: ankle,
+                    along: forward * lengths.foot,
+                    across: [-right, right.cross(forward)],
+                }
             }
         }
     }

@@ -4,20 +4,19 @@ use glam::Vec3;
 use rand::RngExt;
 
 use super::planner::Planner;
-use super::script::{GRASP_S, Held, Moves};
+use super::script::{Held, Moves};
 use super::stroke::{Channel, Timing};
-use super::thing::{Hinge, SEAT_HEIGHT, Thing};
 use super::workplace::SEATED_BACK;
 use crate::hoi::Action;
 use crate::simulate::body::Side;
+use crate::simulate::grasp::{GRASP_S, Grasp};
 use crate::simulate::stage::Pose;
+use crate::simulate::thing::{Hinge, SEAT_HEIGHT, Thing};
 
 /// Hip joints of a sitter above the seat, as a share of the height: half a thigh.
 const SEATED_HIPS: f32 = 0.054;
 /// A wiping hand's grip above the table, m.
 const WIPING: f32 = 0.025;
-/// A long time, s: for what is never let go.
-const NEVER_S: f64 = 1e6;
 
 impl Planner<'_> {
     /// Does `action` with the thing that lies at `pose`. Time goes on to its end.
@@ -73,8 +72,16 @@ impl Planner<'_> {
         self.retract(side, hold, &posture);
         let mut tilt = Channel::new(Vec3::ZERO);
         let length_s = self.now_s - begin_s;
-        tilt.go_to(turn, Timing { onset_s: begin_s + 0.2 * length_s, length_s: 0.8 * length_s, law: self.ranges.law(self.rng) });
-        let moves = Moves::Carried { taken_s, left_s: NEVER_S, grip: thing.grip, tilt };
+        tilt.go_to(
+            turn,
+            Timing {
+                onset_s: begin_s + 0.2 * length_s,
+                length_s: 0.8 * length_s,
+                law: self.ranges.law(self.rng),
+            },
+        );
+        let grasp = Grasp { rest: pose, grip: thing.grip, taken_s, left_s: f64::INFINITY };
+        let moves = Moves::Carried { grasp, tilt };
         self.script.held = Some(Held { rest: pose, moves });
     }
 
@@ -91,7 +98,8 @@ impl Planner<'_> {
         let left_s = self.now_s;
         self.dwell();
         self.retract(side, hang, &posture);
-        let moves = Moves::Carried { taken_s: -NEVER_S, left_s, grip: thing.grip, tilt };
+        let grasp = Grasp { rest: pose, grip: thing.grip, taken_s: f64::NEG_INFINITY, left_s };
+        let moves = Moves::Carried { grasp, tilt };
         self.script.held = Some(Held { rest: pose, moves });
     }
 
@@ -108,7 +116,7 @@ impl Planner<'_> {
         self.dwell();
         let mut angle = Channel::new(from);
         let way_m: f32 = stops.windows(2).map(|pair| pair[0].distance(pair[1])).sum();
-        let mut timing = self.timing(0.45 + 0.65 * f64::from(way_m));
+        let mut timing = self.timing(0.5 + 0.75 * f64::from(way_m));
         if self.rng.random_bool(self.ranges.hesitation) {
             // First loose, then all the way.
             let ajar = from + (to - from) * self.draw(0.15..0.6);
@@ -280,7 +288,8 @@ impl Planner<'_> {
     fn nearly_touch(&mut self, surface: Vec3) {
         let (side, posture) = (self.side(), self.script.goal());
         let hang = self.script.hands[side.index()].free.goal();
-        let above = Vec3::new(side.sign() * self.draw(0.0..0.3), self.draw(-0.15..0.1), self.draw(0.15..0.35));
+        let above =
+            Vec3::new(side.sign() * self.draw(0.0..0.3), self.draw(-0.15..0.1), self.draw(0.15..0.35));
         self.reach(side, &[surface + above]);
         let pause_s = self.ranges.pause_s.clone();
         self.wait(&pause_s);

@@ -14,7 +14,6 @@ mod script;
 mod stroke;
 #[cfg(test)]
 mod tests;
-mod thing;
 mod workplace;
 
 use std::ops::Range;
@@ -25,13 +24,13 @@ use rand_chacha::ChaCha8Rng;
 
 pub use self::manner::Manner;
 use self::planner::Planner;
-use self::thing::Thing;
 use self::workplace::Workplace;
 use super::Surface;
 use super::body::{Body, Joints, Side};
 use super::scene::{Person, Place};
 use super::shape::Solid;
 use super::stage::{Instant, Mount, Pose, Stage, Staged};
+use super::thing::Thing;
 use crate::hoi::{CATEGORIES, Category, Object, UNSEEN};
 
 /// Shortest sample, s: the paper's.
@@ -124,7 +123,11 @@ impl Generated {
         let moving = target.filter(|_| script.held.is_some());
         let to_room = in_room(&brief.place);
         let tag = |(i, (thing, pose)): (usize, &(Thing, Pose))| {
-            if moving == Some(i) { Mount::Thing(thing.tag) } else { Mount::Still(to_room.point(pose.point(thing.tag))) }
+            if moving == Some(i) {
+                Mount::Thing(thing.tag)
+            } else {
+                Mount::Still(to_room.point(pose.point(thing.tag)))
+            }
         };
         let tags = workplace.things.iter().enumerate().map(tag).collect();
         let moved = moving.map_or_else(Solid::default, |i| workplace.things[i].0.moving.clone());

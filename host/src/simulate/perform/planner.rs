@@ -7,9 +7,10 @@ use rand_chacha::ChaCha8Rng;
 use super::idle::Idle;
 use super::manner::Ranges;
 use super::posture::Posture;
-use super::script::{GRASP_S, Hand, Script};
+use super::script::{Hand, Script};
 use super::stroke::{Channel, Law, Timing};
 use crate::simulate::body::{Lengths, Side};
+use crate::simulate::grasp::GRASP_S;
 
 /// Knees are a little bent: hips are this much lower than with straight legs, as a share of the height.
 const EASE: f32 = 0.005;
@@ -36,7 +37,12 @@ struct Lean {
 
 impl<'a> Planner<'a> {
     /// A person at rest, standing, hands hanging, who will act with the hand of `side`.
-    pub(super) fn new(lengths: Lengths, side: Side, ranges: &'static Ranges, rng: &'a mut ChaCha8Rng) -> Self {
+    pub(super) fn new(
+        lengths: Lengths,
+        side: Side,
+        ranges: &'static Ranges,
+        rng: &'a mut ChaCha8Rng,
+    ) -> Self {
         let mut draw = |range: &std::ops::Range<f32>| rng.random_range(range.clone());
         let height = lengths.height;
         let ankles = Side::BOTH.map(|side| {

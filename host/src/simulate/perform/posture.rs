@@ -123,8 +123,7 @@ impl Trunk {
         } else {
             wanted
         };
-        let (mid, end) =
-            two_bones(root, target, [lengths.upper_arm, lower], reach, self.chest, elbow_way);
+        let (mid, end) = two_bones(root, target, [lengths.upper_arm, lower], reach, self.chest, elbow_way);
         self.joints[elbow] = mid;
         self.joints[hand] = end;
         self.joints[wrist] = mid + (end - mid) * (lengths.forearm / lower);

@@ -137,7 +137,10 @@ fn tags_move_with_what_moves_them() {
         assert_eq!(generated.tags(), 6);
         let end = generated.duration_s();
         for tag in (0..6).filter(|&i| Some(i) != generated.target()) {
-            assert!(generated.tag(tag, 0.0) == generated.tag(tag, end), "{what}: tag {tag} is not the target");
+            assert!(
+                generated.tag(tag, 0.0) == generated.tag(tag, end),
+                "{what}: tag {tag} is not the target"
+            );
         }
         let Some((label, target)) = label.zip(generated.target()) else { continue };
         let tag = |t: f64| generated.tag(target, t);
@@ -261,7 +264,11 @@ fn the_same_seed_gives_the_same() {
             for t in times(&a, 0.37) {
                 a.vertices(t, &mut va);
                 b.vertices(t, &mut vb);
-                assert!(va.iter().zip(&vb).all(|(a, b)| a.to_array().map(f32::to_bits) == b.to_array().map(f32::to_bits)));
+                assert!(
+                    va.iter()
+                        .zip(&vb)
+                        .all(|(a, b)| a.to_array().map(f32::to_bits) == b.to_array().map(f32::to_bits))
+                );
             }
             assert_ne!(a.hand(1.5), other.hand(1.5));
         }
@@ -324,7 +331,8 @@ fn asking_is_cheap() {
     let mesh = each(3000, &mut |t| generated.vertices(t, &mut vertices));
     let tag = each(30_000, &mut |t| assert!(generated.tag(generated.target().unwrap(), t).is_finite()));
     let hand = each(30_000, &mut |t| assert!(generated.hand(t).is_finite()));
-    let whole = each(20, &mut |t| assert!(sample(None, Manner::MinimumJerk, (t * 1e4) as u64).duration_s() > 1.0));
+    let whole =
+        each(20, &mut |t| assert!(sample(None, Manner::MinimumJerk, (t * 1e4) as u64).duration_s() > 1.0));
     eprintln!("vertices {mesh:.1} us, tag {tag:.2} us, hand {hand:.2} us, a sample {:.1} ms", whole / 1e3);
     // Bounds of a slow machine with others at work.
     assert!(mesh < 200.0 && tag < 10.0 && hand < 10.0);

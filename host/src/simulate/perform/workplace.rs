@@ -6,11 +6,11 @@ use glam::{Quat, Vec3};
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 
-use super::thing::{SEAT_HALF, TABLE_DEPTH, TABLE_WIDTH, Thing, table};
 use crate::hoi::{Category, Object};
 use crate::simulate::body::{Lengths, Side};
 use crate::simulate::shape::Solid;
 use crate::simulate::stage::Pose;
+use crate::simulate::thing::{SEAT_HALF, TABLE_DEPTH, TABLE_WIDTH, Thing, table};
 
 /// Things and where they are.
 pub(super) struct Workplace {
@@ -65,14 +65,19 @@ impl Workplace {
                     let at = if acted_on {
                         Vec3::NEG_Y * (SEATED_BACK * lengths.height - 0.25 * SEAT_HALF)
                     } else {
-                        let aside = rng.random_range(0.95..1.1) * if rng.random_bool(0.5) { -1.0 } else { 1.0 };
+                        let aside =
+                            rng.random_range(0.95..1.1) * if rng.random_bool(0.5) { -1.0 } else { 1.0 };
                         Vec3::new(aside, rng.random_range(-0.2..0.3), 0.0)
                     };
                     (thing, upright(at, if acted_on { 0.0 } else { 2.0 * yaw }))
                 }
                 Object::Cabinet => {
                     // On the wall, its lower edge well above the table and within reach.
-                    let x = if acted_on { rng.random_range(-0.1..0.2) * side.sign() } else { rng.random_range(-0.6..0.6) };
+                    let x = if acted_on {
+                        rng.random_range(-0.1..0.2) * side.sign()
+                    } else {
+                        rng.random_range(-0.6..0.6)
+                    };
                     let base = (0.72 * lengths.height).max(height + 0.4);
                     (thing, upright(Vec3::new(x, near + 0.40, base), 0.0))
                 }
@@ -129,7 +134,8 @@ fn free_place(taken: &[(Vec3, f32)], radius: f32, surface: Vec3, rng: &mut ChaCh
         let share = Vec3::new(rng.random_range(-1.0..1.0), rng.random_range(-1.0..1.0), 0.0);
         surface + half * share
     };
-    let room = |at: Vec3| taken.iter().map(|(other, r)| at.distance(*other) - r - radius).fold(f32::MAX, f32::min);
+    let room =
+        |at: Vec3| taken.iter().map(|(other, r)| at.distance(*other) - r - radius).fold(f32::MAX, f32::min);
     let mut best = place(rng);
     for _ in 1..TRIES {
         let at = place(rng);

@@ -99,18 +99,33 @@ impl Thing {
             Object::Book => boxed(0.15, 0.21, 0.025, PAPER),
             Object::Pen => pen(),
             Object::Bottle => {
-                let circles = [(0.0, 0.033), (0.06, 0.033), (0.12, 0.033), (0.17, 0.032), (0.21, 0.014), (0.235, 0.014)];
+                let circles = [
+                    (0.0, 0.033),
+                    (0.06, 0.033),
+                    (0.12, 0.033),
+                    (0.17, 0.032),
+                    (0.21, 0.014),
+                    (0.235, 0.014),
+                ];
                 vessel(&circles, WATER, 0.12, 0.06)
             }
             Object::Microwave => {
                 cased(Vec3::new(0.46, 0.34, 0.27), 0.34, material::METAL, PLASTIC, 0.14, [1.1, 1.7], mirrored)
             }
-            Object::Cabinet => {
-                cased(Vec3::new(0.40, 0.30, 0.60), 0.40, material::WOOD, material::WOOD, 0.08, [0.9, 1.5], mirrored)
-            }
+            Object::Cabinet => cased(
+                Vec3::new(0.40, 0.30, 0.60),
+                0.40,
+                material::WOOD,
+                material::WOOD,
+                0.08,
+                [0.9, 1.5],
+                mirrored,
+            ),
             Object::Table => table(0.74),
             Object::Chair => chair(),
-            Object::Jar => vessel(&[(0.0, 0.045), (0.06, 0.045), (0.11, 0.045), (0.13, 0.038)], GLASS, 0.08, 0.06),
+            Object::Jar => {
+                vessel(&[(0.0, 0.045), (0.06, 0.045), (0.11, 0.045), (0.13, 0.038)], GLASS, 0.08, 0.06)
+            }
             Object::Lunchbox => boxed(0.20, 0.14, 0.07, PLASTIC),
             Object::Bowl => vessel(&[(0.0, 0.035), (0.03, 0.060), (0.06, 0.075)], GLASS, 0.05, 0.05),
             Object::Cup => vessel(&[(0.0, 0.035), (0.05, 0.040), (0.095, 0.042)], GLASS, 0.05, 0.05),
@@ -145,7 +160,11 @@ fn opened_book() -> Thing {
     Thing {
         still: pages,
         moving: cover,
-        hinge: Some(Hinge { pivot: Vec3::new(-0.5 * WIDTH, 0.0, PAGES), axis: Vec3::NEG_Y, open: [2.5, 2.9] }),
+        hinge: Some(Hinge {
+            pivot: Vec3::new(-0.5 * WIDTH, 0.0, PAGES),
+            axis: Vec3::NEG_Y,
+            open: [2.5, 2.9],
+        }),
         grip: Vec3::new(0.5 * WIDTH + 0.01, -0.05, PAGES + 0.02),
         tag: Vec3::new(0.02, 0.0, PAGES + COVER + TAG_GAP),
         radius: 0.13,
