@@ -176,7 +176,8 @@ impl MeshSequence {
         };
         for file in &files {
             let wrong = |reason: String| MeshError::Mesh { path: file.clone(), reason };
-            let bytes = std::fs::read(file).map_err(|source| MeshError::Open { path: file.clone(), source })?;
+            let bytes =
+                std::fs::read(file).map_err(|source| MeshError::Open { path: file.clone(), source })?;
             let frame = Frame::parse(&bytes).map_err(wrong)?;
             sequence.push(&table, frame, files.len()).map_err(wrong)?;
         }
@@ -209,7 +210,8 @@ impl MeshSequence {
         let middle = first.iter().sum::<Vec3>() / first.len() as f32;
         let floor = self.frames.iter().flatten().map(|v| v.z).fold(f32::INFINITY, f32::min);
         let (to_room, origin) = (in_room(place), middle.with_z(floor));
-        let points = self.frames.iter_mut().flatten().chain(&mut self.tag).chain(self.hand.iter_mut().flatten());
+        let points =
+            self.frames.iter_mut().flatten().chain(&mut self.tag).chain(self.hand.iter_mut().flatten());
         points.for_each(|v| *v = to_room.point(*v - origin));
     }
 
@@ -246,9 +248,10 @@ impl Performance for MeshSequence {
     fn vertices(&self, time_s: f64, vertices: &mut Vec<Vec3>) {
         vertices.clear();
         let around = self.around(time_s);
-        vertices.extend((0..self.frames[0].len()).map(|v| {
-            around.iter().map(|&(frame, weight)| self.frames[frame][v] * weight).sum::<Vec3>()
-        }));
+        vertices.extend(
+            (0..self.frames[0].len())
+                .map(|v| around.iter().map(|&(frame, weight)| self.frames[frame][v] * weight).sum::<Vec3>()),
+        );
     }
 
     fn tags(&self) -> usize {

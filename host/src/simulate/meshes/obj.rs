@@ -22,11 +22,13 @@ pub(super) struct Frame {
 impl Frame {
     /// Reads the text of a file; says what is wrong with it.
     pub(super) fn parse(text: &[u8]) -> Result<Self, String> {
-        let options = LoadOptions { triangulate: true, ignore_points: true, ignore_lines: true, ..Default::default() };
+        let options =
+            LoadOptions { triangulate: true, ignore_points: true, ignore_lines: true, ..Default::default() };
         // Materials are not read: what they reflect at 77 GHz is not in them.
         let loaded = tobj::load_obj_buf(&mut Cursor::new(text), &options, |_| Err(LoadError::GenericFailure));
         let (models, _) = loaded.map_err(|error| format!("no OBJ mesh: {error}"))?;
-        let mut frame = Self { vertices: Vec::new(), triangles: Vec::new(), groups: Vec::new(), listed: listed(text)? };
+        let mut frame =
+            Self { vertices: Vec::new(), triangles: Vec::new(), groups: Vec::new(), listed: listed(text)? };
         for model in models {
             let first = frame.vertices.len();
             let (points, rest) = model.mesh.positions.as_chunks::<3>();
@@ -53,7 +55,10 @@ impl Frame {
 
     /// Its triangles, as clothed people scatter.
     pub(super) fn surface(&self) -> Surface {
-        Surface { triangles: self.triangles.clone(), reflectivity: vec![material::CLOTH; self.triangles.len()] }
+        Surface {
+            triangles: self.triangles.clone(),
+            reflectivity: vec![material::CLOTH; self.triangles.len()],
+        }
     }
 
     /// Where a point is.
@@ -61,10 +66,13 @@ impl Frame {
         match point {
             Point::Vertex(number) => {
                 let vertex = number.checked_sub(1).and_then(|i| self.listed.get(i));
-                vertex.copied().ok_or_else(|| format!("there is no vertex {number}: it has {}", self.listed.len()))
+                vertex
+                    .copied()
+                    .ok_or_else(|| format!("there is no vertex {number}: it has {}", self.listed.len()))
             }
             Point::Group(name) => {
-                let ranges = self.groups.iter().filter(|(group, _)| group == name).map(|(_, range)| range.clone());
+                let ranges =
+                    self.groups.iter().filter(|(group, _)| group == name).map(|(_, range)| range.clone());
                 let all: Vec<Vec3> = ranges.flat_map(|range| &self.vertices[range]).copied().collect();
                 if all.is_empty() {
                     let names: Vec<&str> = self.groups.iter().map(|(group, _)| group.as_str()).collect();
@@ -79,7 +87,8 @@ impl Frame {
 /// The vertices of a file as it numbers them; the parser of faces numbers them anew.
 fn listed(text: &[u8]) -> Result<Vec<Vec3>, String> {
     let text = std::str::from_utf8(text).map_err(|_| "it is no text".to_owned())?;
-    let lines = text.lines().enumerate().filter_map(|(i, line)| Some((i + 1, line.trim_start().strip_prefix("v ")?)));
+    let lines =
+        text.lines().enumerate().filter_map(|(i, line)| Some((i + 1, line.trim_start().strip_prefix("v ")?)));
     let vertex = |(line, rest): (usize, &str)| {
         let mut numbers = rest.split_whitespace().map(|word| word.parse::<f32>().ok());
         match [numbers.next(), numbers.next(), numbers.next()].map(Option::flatten) {

@@ -15,8 +15,7 @@ pub(super) enum Source {
     Beyond(Joint, Joint, f32),
 }
 
-/// Names of the trunk's joints: Kinect, ASF, BVH. Names with `+` are two joints whose mean is meant.
-const HIP_CENTRE: &[&str] = &["hip_center", "root", "Hips", "hip", "Pelvis"];
+/// Names of the trunk's joints: Kinect, ASF, BVH. Names with `+` are joints whose mean is meant.
 const SPINE: &[&str] = &["spine", "upperback", "Spine1", "Chest", "Spine", "abdomen"];
 const SHOULDER_CENTRE: &[&str] = &["shoulder_center", "thorax", "Neck", "neck", "Neck1"];
 /// A bone of ASF, and a head's end site, end at the crown; Kinect's head is its middle.
@@ -63,10 +62,13 @@ pub(super) fn find(motion: &Motion) -> Result<[Source; Joint::COUNT], RecordedEr
     use Joint::*;
     let mut found: [Source; Joint::COUNT] = std::array::from_fn(|_| Source::Of(Vec::new()));
     let named = |names: &[&str]| names.iter().find_map(|name| lookup(motion, name)).map(Source::Of);
-    let missing =
-        |joint, names: &[&str]| RecordedError::NoJoint { joint, tried: names.iter().map(|n| (*n).to_owned()).collect() };
+    let missing = |joint, names: &[&str]| RecordedError::NoJoint {
+        joint,
+        tried: names.iter().map(|n| (*n).to_owned()).collect(),
+    };
     let shoulders = Source::Between(ShoulderLeft, ShoulderRight);
-    found[HipCentre.index()] = named(HIP_CENTRE).unwrap_or(Source::Between(HipLeft, HipRight));
+    // What files call the hips' centre is above the hip joints, by a hand's width in Kinect.
+    found[HipCentre.index()] = Source::Between(HipLeft, HipRight);
     found[ShoulderCentre.index()] = named(SHOULDER_CENTRE).unwrap_or(shoulders);
     found[Spine.index()] = named(SPINE).unwrap_or(Source::Between(HipCentre, ShoulderCentre));
     found[Head.index()] = named(HEAD).ok_or_else(|| missing(Head, HEAD))?;

@@ -1,7 +1,8 @@
 //! Recorded people, put at a place: from a [`Motion`], a simulated [`Performance`](super::Performance).
 //!
 //! Joints of Kinect, of ASF and of common BVH files are found by their names ([`joints`]), smoothed over time
-//! ([`smooth`]), and turned into directions of bones, which the body takes with lengths of its own: trackers change the
+//! ([`smooth`]), and scaled to the body. Hips, ankles and hands are then where they were recorded, knees and elbows
+//! between, and the trunk takes the directions of the recorded bones, all with the body's own lengths: trackers change the
 //! lengths of bones from frame to frame, bodies do not.
 //!
 //! No recording that is read here knows its object. The thing of the label moves with the hand from the moment at which the
@@ -17,7 +18,9 @@ use std::ops::RangeInclusive;
 
 use glam::{Quat, Vec3};
 
-use super::body::{Body, Joint, Joints, Lengths, Side, basis};
+use super::body::{
+    Body, Joint, Joints, Lengths, Side, basis, highest_hip, softly_at_most, stretched, two_bones,
+};
 use super::grasp::Grasp;
 use super::perform::in_room;
 use super::scene::{Person, Place};
@@ -92,11 +95,15 @@ impl Recorded {
     ///
     /// # Errors
     /// Any [`RecordedError`].
-    pub fn new(motion: &Motion, frames: RangeInclusive<u32>, recast: &Recast<'_>) -> Result<Self, RecordedError> {
+    pub fn new(
+        motion: &Motion,
+        frames: RangeInclusive<u32>,
+        recast: &Recast<'_>,
+    ) -> Result<Self, RecordedError> {
         let found = joints::find(motion)?;
         let track = smooth::Track::new(motion, &found, frames)?;
         let body = Body::new(recast.person.height_m, recast.person.build);
-        let scale = body.lengths().trunk_and_leg() / track.trunk_and_leg()?;
+        let scale = body.lengths().leg() / smooth::leg(motion, &found)?;
         let fitted = Fitted::new(&track, *body.lengths(), scale);
         let duration_s = track.duration_s();
         let hand = recast.side.hand().index();
@@ -118,7 +125,9 @@ impl Recorded {
             Instant { joints: joints.map(|joint| to_room.point(joint)), breath_m: 0.0, thing }
         });
         let contact_s = match held {
-            Some(Attached::Carried(_, grasp)) => [grasp.taken_s, grasp.left_s].into_iter().find(|t| t.is_finite()),
+            Some(Attached::Carried(_, grasp)) => {
+                [grasp.taken_s, grasp.left_s].into_iter().find(|t| t.is_finite())
+            }
             _ => None,
         };
         Ok(Self { stage, side: recast.side, contact_s })
@@ -146,13 +155,6 @@ impl Staged for Recorded {
     }
 }
 
-impl Lengths {
-    /// Ankle to the middle of the head along the bones, m: what figures are scaled by.
-    fn trunk_and_leg(&self) -> f32 {
-        self.leg() + self.loins + self.chest + self.neck
-    }
-}
-
 /// A body in the recorded postures, in the axes of the person at the beginning.
 struct Fitted<'a> {
     track: &'a smooth::Track,
@@ -164,27 +166,26 @@ struct Fitted<'a> {
 
 impl<'a> Fitted<'a> {
     fn new(track: &'a smooth::Track, lengths: Lengths, scale: f32) -> Self {
-        let still = Pose { at: Vec3::ZERO, turn: Quat::IDENTITY };
-        let mut fitted = Self { track, lengths, scale, to_person: still };
-        let first = fitted.at(0.0);
-        let right = first[Joint::HipRight.index()] - first[Joint::HipLeft.index()];
+        use Joint::*;
+        let first = track.at(0.0);
+        let right = first[HipRight.index()] - first[HipLeft.index()];
         // The person looks along y at the beginning, whatever way the recording looks.
         let turn = Quat::from_rotation_z(-libm::atan2f(right.y, right.x));
-        let origin = turn * first[Joint::HipCentre.index()];
-        // The floor is where the lower ankle is at its usual lowest; trackers err further down now and then.
-        let mut lowest: Vec<f32> = (0..=(track.duration_s() / LEVEL_STEP_S) as u32)
-            .map(|i| {
-                let joints = fitted.at(f64::from(i) * LEVEL_STEP_S);
-                joints[Joint::AnkleLeft.index()].z.min(joints[Joint::AnkleRight.index()].z)
+        let origin = turn * first[HipCentre.index()] * scale;
+        // The floor is where the lower ankle usually is.
+        let mut lowest: Vec<f32> = times(track.duration_s())
+            .map(|time_s| {
+                let joints = track.at(time_s);
+                scale * joints[AnkleLeft.index()].z.min(joints[AnkleRight.index()].z)
             })
             .collect();
         lowest.sort_by(f32::total_cmp);
-        let floor = lowest[lowest.len() / 5] - lengths.ankle;
-        fitted.to_person = Pose { at: Vec3::new(-origin.x, -origin.y, -floor), turn };
-        fitted
+        let floor = lowest[lowest.len() / 2] - lengths.ankle;
+        let to_person = Pose { at: Vec3::new(-origin.x, -origin.y, -floor), turn };
+        Self { track, lengths, scale, to_person }
     }
 
-    /// Joints at `time_s`: the hips where they were, all bones along their recorded directions, with the body's lengths.
+    /// Joints at `time_s`.
     fn at(&self, time_s: f64) -> Joints {
         use Joint::*;
         let recorded = self.track.at(time_s);
@@ -198,23 +199,43 @@ impl<'a> Fitted<'a> {
             joints[joint.index()] = place;
             place
         };
-        let centre = put(HipCentre, self.to_person.point(recorded[HipCentre.index()] * self.scale));
+        let place = |joint: Joint| self.to_person.point(recorded[joint.index()] * self.scale);
+        let mut centre = place(HipCentre);
+        let across = way(HipLeft, HipRight, Vec3::X) * lengths.hip;
+        let ankles = Side::BOTH.map(|side| {
+            let ankle = place(side.leg()[2]);
+            ankle.with_z(ankle.z.max(lengths.ankle))
+        });
+        for (side, ankle) in Side::BOTH.into_iter().zip(ankles) {
+            let up = side.sign() * across.z;
+            let highest = highest_hip(centre + side.sign() * across, ankle, lengths.leg()) - up;
+            centre.z = softly_at_most(centre.z, highest);
+        }
+        put(HipCentre, centre);
         let spine = put(Spine, centre + way(HipCentre, Spine, Vec3::Z) * lengths.loins);
         let shoulders = put(ShoulderCentre, spine + way(Spine, ShoulderCentre, Vec3::Z) * lengths.chest);
         put(Head, shoulders + way(ShoulderCentre, Head, Vec3::Z) * lengths.neck);
         // Shoulders square to the spine: trackers let them sag.
         let chest = basis(way(ShoulderLeft, ShoulderRight, Vec3::X), way(Spine, ShoulderCentre, Vec3::Z));
-        let hips = way(HipLeft, HipRight, Vec3::X);
         for side in Side::BOTH {
             let [shoulder, elbow, wrist, hand] = side.arm();
             let at = put(shoulder, shoulders + chest * (Vec3::X * side.sign() * lengths.shoulder));
-            let at = put(elbow, at + way(shoulder, elbow, Vec3::NEG_Z) * lengths.upper_arm);
-            let at = put(wrist, at + way(elbow, wrist, Vec3::NEG_Z) * lengths.forearm);
-            put(hand, at + way(wrist, hand, Vec3::NEG_Z) * lengths.palm);
+            let (lower, to_hand) = (lengths.forearm + lengths.palm, place(hand) - at);
+            let out = to_hand.normalize_or(Vec3::NEG_Z);
+            let bend = bent(way(shoulder, elbow, Vec3::NEG_Z), chest * Vec3::NEG_Y, out);
+            let reach = stretched(to_hand.length(), lengths.arm());
+            let (mid, end) = two_bones(at, out, reach, [lengths.upper_arm, lower], bend);
+            put(elbow, mid);
+            put(wrist, mid + (end - mid) * (lengths.forearm / lower));
+            put(hand, end);
             let [hip, knee, ankle, foot] = side.leg();
-            let at = put(hip, centre + hips * (side.sign() * lengths.hip));
-            let at = put(knee, at + way(hip, knee, Vec3::NEG_Z) * lengths.thigh);
-            let at = put(ankle, at + way(knee, ankle, Vec3::NEG_Z) * lengths.shin);
+            let at = put(hip, centre + across * side.sign());
+            let leg = ankles[side.index()] - at;
+            let down = leg.normalize_or(Vec3::NEG_Z);
+            let bend = bent(way(hip, knee, Vec3::NEG_Z), Vec3::Z.cross(across).normalize_or(Vec3::Y), down);
+            let (mid, end) = two_bones(at, down, leg.length(), [lengths.thigh, lengths.shin], bend);
+            let at = put(ankle, end);
+            put(knee, mid);
             let length = libm::hypotf(lengths.foot, lengths.instep);
             put(foot, at + way(ankle, foot, Vec3::Y) * length);
         }
@@ -222,8 +243,17 @@ impl<'a> Fitted<'a> {
     }
 }
 
-/// Step in which a motion is looked through, s.
-const LEVEL_STEP_S: f64 = 0.05;
+/// Where an elbow or knee is off the line along `out` from its root to its end: to where it was `seen`, and a little to where
+/// it usually bends, which decides for straight limbs.
+fn bent(seen: Vec3, usual: Vec3, out: Vec3) -> Vec3 {
+    (seen + 0.1 * usual).reject_from_normalized(out).normalize_or(out.any_orthonormal_vector())
+}
+
+/// Times at which a motion is looked through, s.
+fn times(duration_s: f64) -> impl Iterator<Item = f64> {
+    const STEP_S: f64 = 0.05;
+    (0..=(duration_s / STEP_S) as u32).map(|i| f64::from(i) * STEP_S)
+}
 
 /// The label's object.
 enum Attached {
@@ -236,9 +266,8 @@ enum Attached {
 impl Attached {
     fn new(label: Category, fitted: &Fitted<'_>, duration_s: f64, side: Side) -> Self {
         let hand = |time_s: f64| fitted.at(time_s)[side.hand().index()];
-        let times = (0..=(duration_s / LEVEL_STEP_S) as u32).map(|i| f64::from(i) * LEVEL_STEP_S);
         let away = |t: f64| hand(t).distance(hand(0.0));
-        let farthest_s = times.max_by(|&a, &b| away(a).total_cmp(&away(b))).unwrap_or_default();
+        let farthest_s = times(duration_s).max_by(|&a, &b| away(a).total_cmp(&away(b))).unwrap_or_default();
         let hips = |time_s: f64| fitted.at(time_s)[Joint::HipCentre.index()].with_z(SEAT_HEIGHT);
         let (taken_s, left_s) = match label.action {
             Action::SitDown => return Self::Still(hips(duration_s)),
@@ -253,9 +282,11 @@ impl Attached {
             // A door without its hinge is its tag.
             thing.moving = Solid::default();
         }
-        let at = hand(farthest_s) - thing.grip;
+        // Where the hand is so low that the thing would be below the floor, it is held higher up.
+        let contact = hand(farthest_s);
+        let at = contact - thing.grip;
         let rest = Pose { at: at.with_z(at.z.max(0.0)), turn: Quat::IDENTITY };
-        let grasp = Grasp { rest, grip: thing.grip, taken_s, left_s };
+        let grasp = Grasp { rest, grip: contact - rest.at, taken_s, left_s };
         Self::Carried(Box::new(thing), grasp)
     }
 }

@@ -10,12 +10,12 @@ use glam::Vec3;
 use super::joints::Source;
 use super::{LONGEST_GAP_S, RecordedError};
 use crate::motion::Motion;
-use crate::simulate::body::{Joint, Joints};
+use crate::simulate::body::{Joint, Joints, Side};
 
 /// Least half width of the window, s.
 const HALF_WIDTH_S: f64 = 0.08;
 /// And in frames.
-const HALF_WIDTH_FRAMES: f64 = 4.0;
+const HALF_WIDTH_FRAMES: f64 = 6.0;
 /// Fewest frames that a motion is made of.
 const FEWEST: usize = 6;
 
@@ -54,10 +54,15 @@ impl Track {
             duration_s: times[times.len() - 1] - times[0],
             half_width_s: HALF_WIDTH_S.max(HALF_WIDTH_FRAMES * step_s),
         };
-        for (&time_s, frame) in times.iter().zip(motion.frames().skip(first)) {
-            let joints = body_joints(sources, frame);
+        // Frames just before and after help at the ends.
+        let (zero_s, all_s) = (times[0], motion.times_s());
+        let last_s = times[times.len() - 1];
+        let from = all_s.partition_point(|&t| t < zero_s - track.half_width_s);
+        let to = all_s.partition_point(|&t| t <= last_s + track.half_width_s);
+        for (&time_s, frame) in all_s[from..to].iter().zip(motion.frames().skip(from)) {
+            let (time_s, joints) = (time_s - zero_s, body_joints(sources, frame));
             if let (Some(&before_s), Some(&before)) = (track.times_s.last(), track.joints.last()) {
-                let gap_s = time_s - times[0] - before_s;
+                let gap_s = time_s - before_s;
                 let missing = (gap_s / step_s).round() as u32;
                 for i in 1..missing {
                     let share = f64::from(i) / f64::from(missing);
@@ -65,7 +70,7 @@ impl Track {
                     track.joints.push(std::array::from_fn(|j| before[j].lerp(joints[j], share as f32)));
                 }
             }
-            track.times_s.push(time_s - times[0]);
+            track.times_s.push(time_s);
             track.joints.push(joints);
         }
         Ok(track)
@@ -73,27 +78,6 @@ impl Track {
 
     pub(super) fn duration_s(&self) -> f64 {
         self.duration_s
-    }
-
-    /// Usual length from ankle to the middle of the head along the bones, m.
-    pub(super) fn trunk_and_leg(&self) -> Result<f32, RecordedError> {
-        use Joint::*;
-        let bones = [
-            (HipCentre, Spine, 1.0),
-            (Spine, ShoulderCentre, 1.0),
-            (ShoulderCentre, Head, 1.0),
-            (HipLeft, KneeLeft, 0.5),
-            (HipRight, KneeRight, 0.5),
-            (KneeLeft, AnkleLeft, 0.5),
-            (KneeRight, AnkleRight, 0.5),
-        ];
-        let length = |joints: &Joints| -> f32 {
-            bones.iter().map(|&(a, b, share)| share * joints[a.index()].distance(joints[b.index()])).sum()
-        };
-        let mut lengths: Vec<f32> = self.joints.iter().map(length).collect();
-        lengths.sort_by(f32::total_cmp);
-        let usual = lengths[lengths.len() / 2];
-        if usual > 0.0 { Ok(usual) } else { Err(RecordedError::NoSize) }
     }
 
     /// Joints at `time_s`; before the beginning and after the end those of there.
@@ -125,6 +109,21 @@ impl Track {
         }
         joints
     }
+}
+
+/// Length of a leg, m, in the whole motion: what most frames do not exceed. Trackers take bones that point to the camera
+/// for shorter than they are.
+pub(super) fn leg(motion: &Motion, sources: &[Source; Joint::COUNT]) -> Result<f32, RecordedError> {
+    let length = |frame| -> f32 {
+        let joints = body_joints(sources, frame);
+        let bones =
+            Side::BOTH.into_iter().flat_map(|side| [side.leg()[0..2].to_vec(), side.leg()[1..3].to_vec()]);
+        bones.map(|bone| 0.5 * joints[bone[0].index()].distance(joints[bone[1].index()])).sum()
+    };
+    let mut lengths: Vec<f32> = motion.frames().map(length).collect();
+    lengths.sort_by(f32::total_cmp);
+    let usual = lengths.get(lengths.len() * 3 / 4).copied().unwrap_or_default();
+    if usual > 0.0 { Ok(usual) } else { Err(RecordedError::NoSize) }
 }
 
 fn body_joints(sources: &[Source; Joint::COUNT], frame: &[[f32; 3]]) -> Joints {

@@ -48,7 +48,8 @@ struct Figures {
 
 fn figures(recorded: &Recorded) -> Figures {
     const STEP_S: f64 = 0.02;
-    let times: Vec<f64> = (0..=(recorded.duration_s() / STEP_S) as usize).map(|i| i as f64 * STEP_S).collect();
+    let times: Vec<f64> =
+        (0..=(recorded.duration_s() / STEP_S) as usize).map(|i| i as f64 * STEP_S).collect();
     let height = |joint: Joint| times.iter().map(|&t| recorded.joints(t)[joint.index()].z).collect();
     let speed = |joint: Joint| {
         let at = |t: f64| recorded.joints(t)[joint.index()];
@@ -73,8 +74,11 @@ fn plausible(name: &str, recorded: &Recorded) -> Figures {
         found.fastest[0],
         found.fastest[1]
     );
-    assert!((0.3..4.0).contains(&found.fastest[0]), "{name}: hand {} m/s", found.fastest[0]);
-    assert!(found.fastest[1] < 2.5, "{name}: head {} m/s", found.fastest[1]);
+    assert!((0.3..3.0).contains(&found.fastest[0]), "{name}: hand {} m/s", found.fastest[0]);
+    assert!(found.fastest[1] < 3.0, "{name}: head {} m/s", found.fastest[1]);
+    // In no recording somebody stands upright all along: they lean a little at least.
+    let share = found.top / PERSON.0;
+    assert!((0.87..1.03).contains(&share), "{name}: {} m tall", found.top);
     found
 }
 
@@ -97,8 +101,7 @@ fn people_of_kinect_sit_down_stand_up_and_pick_up() {
         assert!(rises > 0.1, "{subject}: hips rise by {rises} m");
         let bottle = Category { action: Action::PickUp, object: Object::Bottle };
         let Some(picks) = perform(&file, "pick_up", bottle) else { return };
-        let found = plausible(&format!("{subject} picks up"), &picks);
-        assert!((found.top - PERSON.0).abs() < 0.15, "{subject}: {} m tall", found.top);
+        plausible(&format!("{subject} picks up"), &picks);
         let contact_s = picks.contact_s().unwrap();
         assert!(picks.tag(0, contact_s).distance(picks.tag(0, 0.0)) < 1e-4);
         assert!(picks.tag(0, picks.duration_s()).distance(picks.tag(0, 0.0)) > 0.1);
@@ -111,7 +114,6 @@ fn people_of_hdm05_put_down_on_the_floor() {
         let bottle = Category { action: Action::PutDown, object: Object::Bottle };
         let Some(puts) = perform(&format!("hdm05/HDM_{cut}_120.amc"), "put_down", bottle) else { return };
         let found = plausible(cut, &puts);
-        assert!((found.top - PERSON.0).abs() < 0.08, "{cut}: {} m tall", found.top);
         let lowest = found.hand.iter().copied().fold(9.0, f32::min);
         assert!(lowest < 0.35, "{cut}: the hand comes down to {lowest} m");
         let (from, to) = (puts.tag(0, 0.0), puts.tag(0, puts.duration_s()));
@@ -121,7 +123,6 @@ fn people_of_hdm05_put_down_on_the_floor() {
     }
 }
 
-/// Two joints short of a body.
 #[test]
 fn what_is_missing_is_named() {
     let row = |frame: u32| format!("{frame}{}\n", " 0 1 2".repeat(20));
