@@ -147,6 +147,8 @@ impl Planner<'_> {
         let corners = [middle + half, middle - half, middle + half + drift, middle - half + drift];
         self.touch(side, &corners);
         let mut touch = Channel::new(corners[0]);
+        // Nine tenths of a stroke are done after this share of its time.
+        let done_at = if self.ranges.sigma.is_some() { 0.65 } else { 0.75 };
         let usual_s = f64::from(self.draw(0.38..0.52));
         for stroke in 0..strokes {
             let timing = self.timing(usual_s);
@@ -154,7 +156,7 @@ impl Planner<'_> {
             let end = if stroke % 2 == 0 { -half } else { half };
             // The hand turns without a stop: the next stroke begins before this one ends.
             touch.go_by(middle + end + done - touch.goal(), Vec3::ZERO, timing);
-            self.now_s = timing.onset_s + 0.85 * timing.length_s;
+            self.now_s = timing.part(0.0, done_at).end_s();
         }
         self.script.hands[side.index()].touch = touch;
         self.dwell();
