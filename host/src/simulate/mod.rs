@@ -23,10 +23,13 @@
 pub mod body;
 pub mod draw;
 pub mod effects;
+mod grasp;
+pub mod meshes;
 pub mod perform;
 mod performance;
 pub mod picture;
 pub mod radar;
+pub mod recorded;
 pub mod recording;
 pub mod rfid;
 pub mod sample;
@@ -34,5 +37,6 @@ pub mod scene;
 pub mod set;
 mod shape;
 mod stage;
+mod thing;
 
 pub use performance::{Capsule, Performance, Surface};

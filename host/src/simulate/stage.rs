@@ -143,12 +143,16 @@ impl Stage {
     fn weights(&self, time_s: f64) -> (usize, [f32; 4]) {
         let steps = time_s.clamp(0.0, self.duration_s) / STEP_S;
         let first = steps.floor() as usize;
-        let u = (steps - first as f64) as f32;
-        let v = 1.0 - u;
-        let outer = |near: f32, far: f32| -0.5 * near * far * far;
-        let inner = |near: f32| 1.0 + near * near * (1.5 * near - 2.5);
-        (first, [outer(u, v), inner(u), inner(v), outer(v, u)])
+        (first, catmull_rom((steps - first as f64) as f32))
     }
+}
+
+/// Weights of four values, one step apart, for the place `u` (0 to 1) between the middle two.
+pub(crate) fn catmull_rom(u: f32) -> [f32; 4] {
+    let v = 1.0 - u;
+    let outer = |near: f32, far: f32| -0.5 * near * far * far;
+    let inner = |near: f32| 1.0 + near * near * (1.5 * near - 2.5);
+    [outer(u, v), inner(u), inner(v), outer(v, u)]
 }
 
 /// What has a [`Stage`] is a [`Performance`].

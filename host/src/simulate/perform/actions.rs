@@ -4,20 +4,19 @@ use glam::Vec3;
 use rand::RngExt;
 
 use super::planner::Planner;
-use super::script::{GRASP_S, Held, Moves};
+use super::script::{Held, Moves};
 use super::stroke::{Channel, Timing};
-use super::thing::{Hinge, SEAT_HEIGHT, Thing};
 use super::workplace::SEATED_BACK;
 use crate::hoi::Action;
 use crate::simulate::body::Side;
+use crate::simulate::grasp::{GRASP_S, Grasp};
 use crate::simulate::stage::Pose;
+use crate::simulate::thing::{Hinge, SEAT_HEIGHT, Thing};
 
 /// Hip joints of a sitter above the seat, as a share of the height: half a thigh.
 const SEATED_HIPS: f32 = 0.054;
 /// A wiping hand's grip above the table, m.
 const WIPING: f32 = 0.025;
-/// A long time, s: for what is never let go.
-const NEVER_S: f64 = 1e6;
 
 impl Planner<'_> {
     /// Does `action` with the thing that lies at `pose`. Time goes on to its end.
@@ -81,7 +80,8 @@ impl Planner<'_> {
                 law: self.ranges.law(self.rng),
             },
         );
-        let moves = Moves::Carried { taken_s, left_s: NEVER_S, grip: thing.grip, tilt };
+        let grasp = Grasp { rest: pose, grip: thing.grip, taken_s, left_s: f64::INFINITY };
+        let moves = Moves::Carried { grasp, tilt };
         self.script.held = Some(Held { rest: pose, moves });
     }
 
@@ -98,7 +98,8 @@ impl Planner<'_> {
         let left_s = self.now_s;
         self.dwell();
         self.retract(side, hang, &posture);
-        let moves = Moves::Carried { taken_s: -NEVER_S, left_s, grip: thing.grip, tilt };
+        let grasp = Grasp { rest: pose, grip: thing.grip, taken_s: f64::NEG_INFINITY, left_s };
+        let moves = Moves::Carried { grasp, tilt };
         self.script.held = Some(Held { rest: pose, moves });
     }
 
@@ -115,7 +116,7 @@ impl Planner<'_> {
         self.dwell();
         let mut angle = Channel::new(from);
         let way_m: f32 = stops.windows(2).map(|pair| pair[0].distance(pair[1])).sum();
-        let mut timing = self.timing(0.45 + 0.65 * f64::from(way_m));
+        let mut timing = self.timing(0.5 + 0.75 * f64::from(way_m));
         if self.rng.random_bool(self.ranges.hesitation) {
             // First loose, then all the way.
             let ajar = from + (to - from) * self.draw(0.15..0.6);
@@ -146,6 +147,8 @@ impl Planner<'_> {
         let corners = [middle + half, middle - half, middle + half + drift, middle - half + drift];
         self.touch(side, &corners);
         let mut touch = Channel::new(corners[0]);
+        // Nine tenths of a stroke are done after this share of its time.
+        let done_at = if self.ranges.sigma.is_some() { 0.65 } else { 0.75 };
         let usual_s = f64::from(self.draw(0.38..0.52));
         for stroke in 0..strokes {
             let timing = self.timing(usual_s);
@@ -153,7 +156,7 @@ impl Planner<'_> {
             let end = if stroke % 2 == 0 { -half } else { half };
             // The hand turns without a stop: the next stroke begins before this one ends.
             touch.go_by(middle + end + done - touch.goal(), Vec3::ZERO, timing);
-            self.now_s = timing.onset_s + 0.85 * timing.length_s;
+            self.now_s = timing.part(0.0, done_at).end_s();
         }
         self.script.hands[side.index()].touch = touch;
         self.dwell();

@@ -83,7 +83,7 @@ const MINIMUM_JERK: Ranges = Ranges {
 
 const SIGMA_LOGNORMAL: Ranges = Ranges {
     sigma: Some(0.18..0.32),
-    tempo: 0.85..1.25,
+    tempo: 0.95..1.25,
     hesitation: 0.4,
     pause_s: 0.1..0.5,
     dwell_s: 0.15..0.4,

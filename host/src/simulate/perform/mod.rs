@@ -14,7 +14,6 @@ mod script;
 mod stroke;
 #[cfg(test)]
 mod tests;
-mod thing;
 mod workplace;
 
 use std::ops::Range;
@@ -25,13 +24,13 @@ use rand_chacha::ChaCha8Rng;
 
 pub use self::manner::Manner;
 use self::planner::Planner;
-use self::thing::Thing;
 use self::workplace::Workplace;
 use super::Surface;
 use super::body::{Body, Joints, Side};
 use super::scene::{Person, Place};
 use super::shape::Solid;
 use super::stage::{Instant, Mount, Pose, Stage, Staged};
+use super::thing::Thing;
 use crate::hoi::{CATEGORIES, Category, Object, UNSEEN};
 
 /// Shortest sample, s: the paper's.

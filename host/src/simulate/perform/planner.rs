@@ -7,9 +7,10 @@ use rand_chacha::ChaCha8Rng;
 use super::idle::Idle;
 use super::manner::Ranges;
 use super::posture::Posture;
-use super::script::{GRASP_S, Hand, Script};
+use super::script::{Hand, Script};
 use super::stroke::{Channel, Law, Timing};
 use crate::simulate::body::{Lengths, Side};
+use crate::simulate::grasp::GRASP_S;
 
 /// Knees are a little bent: hips are this much lower than with straight legs, as a share of the height.
 const EASE: f32 = 0.005;
@@ -231,11 +232,11 @@ impl<'a> Planner<'a> {
         self.now_s = timing.end_s();
     }
 
-    /// A free hand moves to `offset` from the shoulder. Returns when.
+    /// A free hand moves to `offset` from the shoulder, before the body: past the shoulder the arm would fold up. Returns when.
     pub(super) fn move_free(&mut self, side: Side, offset: Vec3) -> Timing {
         let way_m = self.script.hands[side.index()].free.goal().distance(offset);
         let timing = self.timing_over(way_m);
-        let bow = self.bow(way_m);
+        let bow = Vec3::new(self.draw(-0.1..0.1), self.draw(0.2..0.35), 0.0) * way_m;
         let free = &mut self.script.hands[side.index()].free;
         free.go_by(offset - free.goal(), bow, timing);
         timing

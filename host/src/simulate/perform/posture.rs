@@ -2,7 +2,9 @@
 
 use glam::{Quat, Vec3};
 
-use crate::simulate::body::{Joint, Joints, Lengths, Side, arc};
+use crate::simulate::body::{
+    Joint, Joints, Lengths, Side, arc, highest_hip, softly_at_most, stretched, two_bones,
+};
 
 /// How the trunk is held and where the feet are: person's axes, x to the right, y forward, z up, from the floor where they
 /// stand.
@@ -30,11 +32,6 @@ pub(super) struct Posture {
 const HIPS_SHARE: f32 = 0.45;
 /// How far hips go back for balance when the trunk goes forward by 90 degrees, as a share of the height.
 const BALANCE: f32 = 0.06;
-/// Farthest that hips are from ankles, as a share of the leg.
-const STRAIGHT_LEG: f32 = 0.996;
-/// From here on an arm gives way, up to its full length.
-const STRETCHED_ARM: f32 = 0.95;
-const STRAIGHT_ARM: f32 = 0.999;
 
 /// The trunk with what hangs on it.
 pub(super) struct Trunk {
@@ -59,9 +56,7 @@ impl Posture {
         for side in Side::BOTH {
             let hip = centre + hips * (Vec3::X * side.sign() * lengths.hip);
             let ankle = self.ankles[side.index()];
-            let aside = (hip - ankle).with_z(0.0).length_squared();
-            let leg = STRAIGHT_LEG * lengths.leg();
-            let highest = ankle.z + (leg * leg - aside).max(0.0).sqrt() - (hip.z - centre.z);
+            let highest = highest_hip(hip, ankle, lengths.leg()) - (hip.z - centre.z);
             centre.z = softly_at_most(centre.z, highest);
         }
         let mut joints = [Vec3::ZERO; Joint::COUNT];
@@ -79,13 +74,6 @@ impl Posture {
         }
         Trunk { joints, chest, heading }
     }
-}
-
-/// `value`, but at most `limit`; smooth, a little below both where they meet.
-fn softly_at_most(value: f32, limit: f32) -> f32 {
-    const SOFTNESS_M: f32 = 0.004;
-    let apart = value - limit;
-    0.5 * (value + limit - (apart * apart + SOFTNESS_M * SOFTNESS_M).sqrt())
 }
 
 impl Trunk {
@@ -115,15 +103,10 @@ impl Trunk {
         let root = self.joints[shoulder];
         let lower = lengths.forearm + lengths.palm;
         let elbow_way = Vec3::new(side.sign() * libm::sinf(swivel), -libm::cosf(swivel), 0.0);
-        let straight = lengths.arm();
-        let wanted = (target - root).length();
-        let (from, most) = (STRETCHED_ARM * straight, STRAIGHT_ARM * straight);
-        let reach = if wanted > from {
-            from + (most - from) * (1.0 - libm::expf((from - wanted) / (most - from)))
-        } else {
-            wanted
-        };
-        let (mid, end) = two_bones(root, target, [lengths.upper_arm, lower], reach, self.chest, elbow_way);
+        let reach = stretched((target - root).length(), lengths.arm());
+        let way = (target - root).normalize_or(self.chest * Vec3::NEG_Z);
+        let bend = bent(self.chest, way, elbow_way);
+        let (mid, end) = two_bones(root, way, reach, [lengths.upper_arm, lower], bend);
         self.joints[elbow] = mid;
         self.joints[hand] = end;
         self.joints[wrist] = mid + (end - mid) * (lengths.forearm / lower);
@@ -134,9 +117,11 @@ impl Trunk {
         let [hip, knee, ankle, foot] = side.leg().map(Joint::index);
         let root = self.joints[hip];
         let toes = Quat::from_rotation_z(yaw);
-        let reach = (target - root).length().min(lengths.leg());
         // Knees point where the feet do, whatever the hips do.
-        let (mid, end) = two_bones(root, target, [lengths.thigh, lengths.shin], reach, toes, Vec3::Y);
+        let way = (target - root).normalize_or(Vec3::NEG_Z);
+        let bend = bent(toes, way, Vec3::Y);
+        let reach = (target - root).length();
+        let (mid, end) = two_bones(root, way, reach, [lengths.thigh, lengths.shin], bend);
         self.joints[knee] = mid;
         self.joints[ankle] = end;
         self.joints[foot] = end + toes * Vec3::new(0.0, lengths.foot, -lengths.instep);
@@ -148,20 +133,8 @@ impl Trunk {
     }
 }
 
-/// Middle and end of two bones from `root` towards `target`, their ends `reach` apart; hanging down in the axes of `frame`
-/// they bend to `bend`, else to where the shortest turn from there takes it.
-fn two_bones(
-    root: Vec3,
-    target: Vec3,
-    [upper, lower]: [f32; 2],
-    reach: f32,
-    frame: Quat,
-    bend: Vec3,
-) -> (Vec3, Vec3) {
-    let way = (target - root).normalize_or(frame * Vec3::NEG_Z);
-    let bend = frame * (arc(Vec3::NEG_Z, frame.conjugate() * way) * bend);
-    let reach = reach.max((upper - lower).abs() * 1.1 + 1e-3);
-    let along = (upper * upper - lower * lower + reach * reach) / (2.0 * reach);
-    let aside = (upper * upper - along * along).max(0.0).sqrt();
-    (root + way * along + bend * aside, root + way * reach)
+/// Where a limb bends whose ends lie along `way`, if it bends to `bend` when it hangs down in the axes of `frame`: to where
+/// the shortest turn from there takes that.
+fn bent(frame: Quat, way: Vec3, bend: Vec3) -> Vec3 {
+    frame * (arc(Vec3::NEG_Z, frame.conjugate() * way) * bend)
 }

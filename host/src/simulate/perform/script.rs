@@ -6,10 +6,11 @@ use glam::{Quat, Vec3};
 
 use super::idle::Idle;
 use super::posture::Posture;
-use super::stroke::{Channel, Law, bow};
-use super::thing::Hinge;
+use super::stroke::{Channel, bow};
 use crate::simulate::body::{Lengths, Side};
+use crate::simulate::grasp::{GRASP_S, Grasp};
 use crate::simulate::stage::{Instant, Pose};
+use crate::simulate::thing::Hinge;
 
 /// What a hand does: it goes from where it is free to where it touches, and back.
 #[derive(Debug, Clone)]
@@ -31,15 +32,8 @@ pub(super) struct Hand {
 /// How the thing moves.
 #[derive(Debug, Clone)]
 pub(super) enum Moves {
-    /// In the hand: it follows the hand between two times.
-    Carried {
-        taken_s: f64,
-        left_s: f64,
-        /// The grip, on the thing.
-        grip: Vec3,
-        /// How it is turned in the hand, as an axis times an angle.
-        tilt: Channel<Vec3>,
-    },
+    /// In the hand, turned there by an axis times an angle.
+    Carried { grasp: Grasp, tilt: Channel<Vec3> },
     /// About a hinge, by an angle; the hand follows its grip.
     Hinged { hinge: Hinge, grip: Vec3, angle: Channel<f32> },
 }
@@ -69,9 +63,6 @@ pub(super) struct Script {
     pub(super) side: Side,
     pub(super) idle: Idle,
 }
-
-/// Fingers close on a thing, or open, within this time, s.
-pub(super) const GRASP_S: f64 = 0.12;
 
 impl Script {
     /// The posture that all strokes so far lead to, without sway.
@@ -131,7 +122,7 @@ impl Held {
     pub(super) fn moved_s(&self) -> Range<f64> {
         match &self.moves {
             Moves::Hinged { angle, .. } => angle.moves_s(),
-            Moves::Carried { taken_s, left_s, .. } => *taken_s..left_s + GRASP_S,
+            Moves::Carried { grasp, .. } => grasp.taken_s..grasp.left_s + GRASP_S,
         }
     }
 
@@ -139,11 +130,8 @@ impl Held {
     fn at(&self, hand: Vec3, time_s: f64) -> Pose {
         match &self.moves {
             Moves::Hinged { hinge, angle, .. } => self.rest.after(&hinge.pose(angle.at(time_s))),
-            Moves::Carried { taken_s, left_s, grip, tilt } => {
-                let eased = |since: f64| Law::MinimumJerk.share((time_s - since) / GRASP_S);
-                let turn = Quat::from_scaled_axis(tilt.at(time_s)) * self.rest.turn;
-                let in_hand = Pose { at: hand - turn * *grip, turn };
-                self.rest.towards(&in_hand, eased(*taken_s) * (1.0 - eased(*left_s)))
+            Moves::Carried { grasp, tilt } => {
+                grasp.pose(hand, Quat::from_scaled_axis(tilt.at(time_s)), time_s)
             }
         }
     }

@@ -8,6 +8,8 @@ use std::ops::{Add, Mul, Range, Sub};
 
 use glam::Vec3;
 
+use crate::simulate::grasp::minimum_jerk;
+
 /// A value that moves.
 pub(super) trait Amount:
     Copy + Default + Add<Output = Self> + Sub<Output = Self> + Mul<f32, Output = Self>
@@ -20,8 +22,7 @@ impl Amount for Vec3 {}
 /// Speed profile of a stroke.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) enum Law {
-    /// The smoothest way from rest to rest: 10 u^3 - 15 u^4 + 6 u^5 (T. Flash, N. Hogan, "The coordination of arm movements",
-    /// J. Neuroscience 5, 1985). Symmetric.
+    /// The smoothest way from rest to rest ([`minimum_jerk`]). Symmetric.
     MinimumJerk,
     /// The speed is lognormal over time, of log-time deviation `sigma`: fast at first, then ever slower.
     Lognormal {
@@ -40,10 +41,7 @@ impl Law {
             return 0.0;
         }
         match self {
-            Self::MinimumJerk => {
-                let u = u.min(1.0) as f32;
-                u * u * u * (10.0 + u * (6.0 * u - 15.0))
-            }
+            Self::MinimumJerk => minimum_jerk(u),
             Self::Lognormal { sigma } => {
                 let deviations = libm::log(u) / f64::from(sigma) + DONE;
                 (0.5 * libm::erfc(-deviations / std::f64::consts::SQRT_2)) as f32

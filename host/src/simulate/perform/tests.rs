@@ -224,7 +224,7 @@ fn speeds_are_those_of_people() {
     let (mut low, mut high, mut jerky): (f32, f32, f32) = (9.0, 0.0, 0.0);
     let mut durations = Vec::new();
     let step_s = 0.02;
-    for (label, manner, seed, generated) in samples(12) {
+    for (label, manner, seed, generated) in samples(16) {
         let what = format!("{label:?} {manner:?} {seed}");
         let duration_s = generated.duration_s();
         assert!((SHORTEST_S..9.0).contains(&duration_s), "{what}: {duration_s} s");

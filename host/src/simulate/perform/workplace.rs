@@ -6,11 +6,11 @@ use glam::{Quat, Vec3};
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 
-use super::thing::{SEAT_HALF, TABLE_DEPTH, TABLE_WIDTH, Thing, table};
 use crate::hoi::{Category, Object};
 use crate::simulate::body::{Lengths, Side};
 use crate::simulate::shape::Solid;
 use crate::simulate::stage::Pose;
+use crate::simulate::thing::{SEAT_HALF, TABLE_DEPTH, TABLE_WIDTH, Thing, table};
 
 /// Things and where they are.
 pub(super) struct Workplace {
@@ -45,7 +45,7 @@ impl Workplace {
         let mut taken: Vec<(Vec3, f32)> = Vec::new();
         if let Some(Object::Microwave) = target {
             // Its door needs room.
-            taken.push((surface - Vec3::Y * 0.1, 0.35));
+            taken.push((surface + Vec3::new(0.2 * side.sign(), -0.1, 0.0), 0.35));
         }
         // The target chooses its place first, then the largest.
         let mut order: Vec<usize> = (0..objects.len()).collect();
@@ -72,18 +72,19 @@ impl Workplace {
                     (thing, upright(at, if acted_on { 0.0 } else { 2.0 * yaw }))
                 }
                 Object::Cabinet => {
-                    // On the wall, its lower edge well above the table and within reach.
+                    // On the wall, its lower edge well above the table and within reach. Beside the person, not
+                    // between them and what they look at, which may be the radar.
                     let x = if acted_on {
-                        rng.random_range(-0.1..0.2) * side.sign()
+                        rng.random_range(0.40..0.50) * side.sign()
                     } else {
-                        rng.random_range(-0.6..0.6)
+                        rng.random_range(0.60..0.90) * if rng.random_bool(0.5) { -1.0 } else { 1.0 }
                     };
                     let base = (0.72 * lengths.height).max(height + 0.4);
                     (thing, upright(Vec3::new(x, near + 0.40, base), 0.0))
                 }
                 Object::Microwave => {
                     let x = if acted_on {
-                        rng.random_range(-0.12..0.12)
+                        rng.random_range(0.12..0.30) * side.sign()
                     } else {
                         rng.random_range(0.40..0.46) * if rng.random_bool(0.5) { -1.0 } else { 1.0 }
                     };
