@@ -134,7 +134,7 @@ impl Stage {
         let (mut at, mut turn) = (Vec3::ZERO, Quat::from_xyzw(0.0, 0.0, 0.0, 0.0));
         for (key, weight) in keys {
             at += key.at * weight;
-            turn = turn + key.turn * weight;
+            turn += key.turn * weight;
         }
         (turn.length_squared() > 0.0).then(|| Pose { at, turn: turn.normalize() })
     }

@@ -69,7 +69,7 @@ fn faults_name_the_file() {
     says(fault(&[good.clone(), good.replace("v 0 1.7 0", "v 0 nan 0")], None), &["0001.obj", "no number"]);
     says(fault(&[good.clone(), good.replace("f 5 6 7", "f 5 6 70")], None), &["0001.obj"]);
     says(fault(&[good.clone(), good.replace("v 0 1.7 0", "v 0 1.7")], None), &["0001.obj"]);
-    says(fault(&[good.clone()], None), &["1 OBJ files"]);
+    says(fault(std::slice::from_ref(&good), None), &["1 OBJ files"]);
     says(
         fault(&two, Some(&SEQUENCE.replace("group = \"phone\"", "group = \"cup\""))),
         &["0000.obj", "`cup`", "phone"],

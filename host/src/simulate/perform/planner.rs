@@ -252,7 +252,7 @@ impl<'a> Planner<'a> {
     pub(super) fn step(&mut self, shift: Vec3, turn: f32) {
         let centre = self.script.hips.goal().with_z(0.0);
         let first = if shift.x > 0.0 || (shift.x == 0.0 && turn < 0.0) { Side::Right } else { Side::Left };
-        let whole = self.timing(1.25);
+        let whole = self.timing(1.45);
         for (side, part) in [(first, whole.part(0.0, 0.5)), (first.other(), whole.part(0.45, 0.95))] {
             let lift = Vec3::Z * self.draw(0.05..0.1);
             let ankle = &mut self.script.ankles[side.index()];

@@ -351,6 +351,8 @@ fn asking_is_cheap() {
     let whole =
         each(20, &mut |t| assert!(sample(None, Manner::MinimumJerk, (t * 1e4) as u64).duration_s() > 1.0));
     eprintln!("vertices {mesh:.1} us, tag {tag:.2} us, hand {hand:.2} us, a sample {:.1} ms", whole / 1e3);
+    let [moving, fixed] = [generated.surface(), generated.fixtures().0].map(|s| s.triangles.len());
+    eprintln!("{moving} triangles move, {fixed} are fixed");
     // Bounds of a slow machine with others at work.
     assert!(mesh < 200.0 && tag < 10.0 && hand < 10.0);
 }

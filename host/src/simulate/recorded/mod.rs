@@ -1,7 +1,7 @@
 //! Recorded people, put at a place: from a [`Motion`], a simulated [`Performance`](super::Performance).
 //!
-//! Joints of Kinect, of ASF and of common BVH files are found by their names ([`joints`]), smoothed over time
-//! ([`smooth`]), and scaled to the body. Hips, ankles and hands are then where they were recorded, knees and elbows
+//! Joints of Kinect, of ASF and of common BVH files are found by their names (`joints`), smoothed over time
+//! (`smooth`), and scaled to the body. Hips, ankles and hands are then where they were recorded, knees and elbows
 //! between, and the trunk takes the directions of the recorded bones, all with the body's own lengths: trackers change the
 //! lengths of bones from frame to frame, bodies do not.
 //!
