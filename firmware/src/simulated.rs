@@ -45,6 +45,7 @@ impl Noise {
         Self { state: seed.wrapping_mul(2).wrapping_add(1), deviation }
     }
 
+    #[inline]
     fn bits(&mut self) -> u64 {
         self.state ^= self.state >> 12;
         self.state ^= self.state << 25;
@@ -53,6 +54,7 @@ impl Noise {
     }
 
     /// The next value, in ADC words: the sum of four uniform ones, near enough to a normal one.
+    #[inline]
     pub fn draw(&mut self) -> f32 {
         let bits = self.bits();
         let sum: i32 = (0..4).map(|i| i32::from((bits >> (16 * i)) as i16)).sum();

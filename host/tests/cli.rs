@@ -10,8 +10,8 @@ mod recorded;
 use recorded::recorded;
 
 /// The simulated recording that the project ships.
-fn hand() -> PathBuf {
-    Path::new(env!("CARGO_MANIFEST_DIR")).join("../tests/recordings/hand.pcap.gz")
+fn shipped() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("../tests/recordings/pick_up_book.pcap.gz")
 }
 
 fn rfhoi(arguments: &[&str]) -> Output {
@@ -42,17 +42,17 @@ fn text(path: &Path) -> &str {
 fn replay_of_the_shipped_recording() {
     let folder = tempfile::tempdir().unwrap();
     let out = folder.path().join("out");
-    let summary = json(&["replay", text(&hand()), "--out", text(&out), "--json"]);
-    assert_eq!(summary["radar_frames"], 30);
-    assert_eq!(summary["frames_complete"], 30);
+    let summary = json(&["replay", text(&shipped()), "--out", text(&out), "--json"]);
+    assert_eq!(summary["radar_frames"], 37);
+    assert_eq!(summary["frames_complete"], 37);
     assert_eq!(summary["datagrams_lost"], 0);
     assert_eq!(summary["uplink"]["packets_lost"], 0);
-    // The hand moves between 1.2 and 1.5 m at up to 0.47 m/s.
+    // Somebody 2 m away reaches for a book.
     let strongest = &summary["strongest_moving"];
     let range = strongest["range_m"].as_f64().unwrap();
-    assert!((1.15..1.55).contains(&range), "{range}");
-    assert!(strongest["velocity_m_s"].as_f64().unwrap().abs() < 0.8);
-    assert_eq!(summary["tag_reads"]["channels"], 4);
+    assert!((1.3..2.2).contains(&range), "{range}");
+    assert!(strongest["velocity_m_s"].as_f64().unwrap().abs() < 2.5);
+    assert_eq!(summary["tag_reads"]["channels"], 50);
     for name in ["range_time.png", "range_doppler.png", "angle.png", "radar.npz", "tags.png", "tags.npz"] {
         assert!(out.join(name).metadata().unwrap().len() > 1000, "{name}");
     }
@@ -63,16 +63,18 @@ fn replay_of_the_shipped_recording() {
 #[test]
 fn the_shipped_recording_is_made_by_the_command_that_is_written_in_the_readme() {
     let folder = tempfile::tempdir().unwrap();
-    let again = folder.path().join("hand.pcap.gz");
+    let again = folder.path().join("pick_up_book.pcap.gz");
     let readme = include_str!("../../README.md");
     let line =
         readme.lines().find(|l| l.contains("simulate --recording")).expect("the README has the command");
     let arguments: Vec<&str> = line.split_whitespace().skip_while(|a| *a != "simulate").collect();
-    let arguments: Vec<&str> =
-        arguments.iter().map(|a| if a.ends_with("hand.pcap.gz") { text(&again) } else { a }).collect();
+    let arguments: Vec<&str> = arguments
+        .iter()
+        .map(|a| if a.ends_with("pick_up_book.pcap.gz") { text(&again) } else { a })
+        .collect();
     json(&[&arguments[..], &["--json"]].concat());
-    assert_eq!(std::fs::read(&again).unwrap(), std::fs::read(hand()).unwrap());
-    let profiles = [again, hand()].map(|p| std::fs::read(p.with_file_name("hand.cfg")).unwrap());
+    assert_eq!(std::fs::read(&again).unwrap(), std::fs::read(shipped()).unwrap());
+    let profiles = [again, shipped()].map(|p| std::fs::read(p.with_file_name("pick_up_book.cfg")).unwrap());
     assert_eq!(profiles[0], profiles[1]);
 }
 
@@ -281,7 +283,7 @@ fn a_folder_that_cannot_be_made_is_told() {
     let file = folder.path().join("file");
     std::fs::write(&file, "x").unwrap();
     let out = file.join("out");
-    let sentence = refused(&["replay", text(&hand()), "--out", text(&out)]);
+    let sentence = refused(&["replay", text(&shipped()), "--out", text(&out)]);
     assert!(sentence.contains("cannot make the folder"), "{sentence}");
 }
 

@@ -179,11 +179,18 @@ impl Simulate {
         };
         let profile = self.profile.load(None)?;
         let load = |source: &str| -> anyhow::Result<Scene> {
-            let mut scene = Scene::load(source)?;
-            if let Some(profile) = &profile {
-                let unseen = || format!("the profile does not see all of the scene {}", scene.name);
-                scene.needs().gate(profile).with_context(unseen)?;
-                scene.radar.profile = profile.clone();
+            let scene = Scene::load(source)?;
+            let Some(profile) = &profile else { return Ok(scene) };
+            let (name, places) = (scene.name.clone(), scene.places.len());
+            let scene = scene
+                .with_profile(profile)
+                .with_context(|| format!("the profile cannot see the scene {name}"))?;
+            if scene.places.len() < places {
+                let depth_m = scene.radar.depth_m;
+                tracing::warn!(
+                    "{name}: the profile sees {depth_m:.2} m, so {} of {places} places are left",
+                    scene.places.len()
+                );
             }
             Ok(scene)
         };

@@ -19,8 +19,6 @@ pub const WORKPLACE_M: f32 = 0.8;
 pub const NEAREST_M: f32 = 0.9;
 /// What the radar's antennas see to either side and up and down: 120 degrees in all.
 pub const FIELD_OF_VIEW_RAD: f32 = core::f32::consts::FRAC_PI_3;
-/// Height of a standing person's chest over the floor, the middle of what the radar must see, m.
-const CHEST_M: f32 = 1.2;
 /// Radar and antennas have no wall or furniture before them that is nearer than this, m.
 const CLEAR_M: f32 = 0.5;
 /// Antennas nearer to each other than this are at one point, m.
@@ -235,7 +233,7 @@ fn misplaced(draft: &Draft, room: &Room, radar: &RadarPose, place: &Place) -> Op
              reach behind it"
         ));
     }
-    let chest = stand.extend(room.min.z + CHEST_M);
+    let chest = place.chest(room);
     let seen = orientation(radar.yaw_rad, radar.pitch_rad) * (chest - radar.position);
     let azimuth = libm::atan2f(seen.x, seen.y);
     let elevation = libm::atan2f(seen.z, seen.truncate().length());

@@ -8,6 +8,8 @@ use crate::simulate::Surface;
 
 /// Longest edge of a facet of furniture, m.
 const FACET_M: f32 = 0.15;
+/// Height of a standing person's chest over the floor, the middle of what the radar must see, m.
+const CHEST_M: f32 = 1.2;
 /// Height under which people walk, m.
 const HEADROOM_M: f32 = 2.2;
 /// Faces nearer than this to a wall are not seen, m.
@@ -110,6 +112,11 @@ impl Place {
     pub fn front(&self, radar: Vec3) -> Vec2 {
         let towards = (radar.truncate() - self.position).normalize_or(Vec2::NEG_Y);
         Vec2::new(libm::cosf(self.facing_rad), libm::sinf(self.facing_rad)).rotate(towards)
+    }
+
+    /// Where their chest is when they stand.
+    pub(super) fn chest(&self, room: &Room) -> Vec3 {
+        self.position.extend(room.min.z + CHEST_M)
     }
 
     /// As far before them as their hands reach.

@@ -15,7 +15,7 @@ use std::path::Path;
 
 use glam::{Mat3, Vec2, Vec3};
 use rfhoi_shared::radar::{RadarProfile, RangeGate};
-use rfhoi_shared::scene::Scene as Needs;
+use rfhoi_shared::scene::{Scene as Needs, Unmet};
 use rfhoi_shared::tag::Epc;
 use rfhoi_shared::units::Metres;
 
@@ -111,6 +111,23 @@ impl Scene {
     /// What it asks of radar and reader.
     pub fn needs(&self) -> Needs {
         needs(self.radar.depth_m, self.reader.antennas.len())
+    }
+
+    /// The scene with another profile of the radar: as deep as that sees, without the places that are then too far.
+    ///
+    /// # Errors
+    /// If the profile is too slow for hands, or no place is left.
+    pub fn with_profile(mut self, profile: &RadarProfile) -> Result<Self, Unmet> {
+        let needed = self.needs();
+        self.radar.depth_m = self.radar.depth_m.min(profile.range_span().0);
+        self.radar.profile = profile.clone();
+        let Self { radar, room, places, .. } = &mut self;
+        places.retain(|place| place.chest(room).distance(radar.position) <= radar.depth_m);
+        if self.places.is_empty() {
+            return Err(Unmet::Depth { needed: needed.depth, span: profile.range_span() });
+        }
+        self.needs().gate(profile)?;
+        Ok(self)
     }
 
     /// Range bins in which its places are.
