@@ -382,3 +382,6 @@ fn two(rows: usize, values: Vec<f32>) -> Array2<f32> {
     let width = values.len() / rows.max(1);
     Array2::from_shape_vec((rows, width), values).unwrap_or_default()
 }
+
+#[cfg(test)]
+mod tests;
