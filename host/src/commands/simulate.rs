@@ -6,6 +6,7 @@ use anyhow::{Context, bail, ensure};
 use clap::{Args, ValueEnum};
 use rfhoi::atomic;
 use rfhoi::hoi::{Action, CATEGORIES, Category, Object, UNSEEN};
+use rfhoi::simulate::cost;
 use rfhoi::simulate::draw::{Draw, Purpose, Wanted, draw, stream};
 use rfhoi::simulate::effects::{Domain, Effects};
 use rfhoi::simulate::recording;
@@ -60,6 +61,9 @@ struct Output {
     /// Only list the effects, and which domain has them.
     #[arg(long)]
     effects: bool,
+    /// Measure what each effect costs on this machine and what it changes, on so many samples.
+    #[arg(long, value_name = "SAMPLES", value_parser = clap::value_parser!(u32).range(1..=1000))]
+    costs: Option<u32>,
 }
 
 #[derive(Debug, Args)]
@@ -142,14 +146,12 @@ struct Written {
 
 impl Simulate {
     pub(super) fn run(&self, json: bool) -> anyhow::Result<()> {
-        let Output { set, recording, effects } = &self.output;
-        match (set, recording) {
-            (Some(folder), _) => self.write_set(folder, json),
-            (_, Some(file)) => self.record(file, json),
-            _ => {
-                debug_assert!(*effects, "the group asks for one");
-                list_effects(json)
-            }
+        let Output { set, recording, effects: _, costs } = &self.output;
+        match (set, recording, costs) {
+            (Some(folder), ..) => self.write_set(folder, json),
+            (_, Some(file), _) => self.record(file, json),
+            (.., Some(samples)) => self.measure(*samples, json),
+            _ => list_effects(json),
         }
     }
 
@@ -309,6 +311,29 @@ impl Simulate {
             summary,
         };
         report::print(&recorded, json)
+    }
+}
+
+impl Simulate {
+    fn measure(&self, samples: u32, json: bool) -> anyhow::Result<()> {
+        let scenes = self.scenes()?;
+        let progress = Progress::new("measuring effects")?;
+        let rows = cost::measure(&scenes, self.seed, samples, &mut |share| progress.show(share))?;
+        drop(progress);
+        if json {
+            println!("{}", serde_json::to_string(&rows)?);
+            return Ok(());
+        }
+        println!("effect           switched  ms/sample  ratio  maps, dB  reads/s  phase, deg");
+        for row in rows {
+            let switched = if row.on { "on" } else { "off" };
+            let phase = row.phase_deg.map_or("-".to_owned(), |deg| format!("{deg:.1}"));
+            println!(
+                "{:<16} {switched:<8}  {:>9.1}  {:>5.2}  {:>8.2}  {:>7.1}  {phase:>10}",
+                row.effect, row.sample_ms, row.ratio, row.maps_db, row.reads_hz
+            );
+        }
+        Ok(())
     }
 }
 

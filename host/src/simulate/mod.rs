@@ -21,6 +21,7 @@
 //! [`picture`] draws a sample for people to see what it is of.
 
 pub mod body;
+pub mod cost;
 pub mod draw;
 pub mod effects;
 mod grasp;
