@@ -5,6 +5,7 @@
 //! * [`reads`]: tables of tag reads.
 //! * [`phase`]: from tag phases to phase differences that mean something, with honest figures.
 //! * [`motion`]: recorded human motion, joints over time.
+//! * [`hoi`], [`simulate`]: the vocabulary of actions and objects, and labelled data from a simulated room.
 //! * [`plot`]: pictures of maps and of series.
 //! * [`bridge`]: a bridge on the network: found, configured, watched.
 //! * `flash`, with the feature `probe`: boards over their debug probes.
