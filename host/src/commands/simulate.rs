@@ -1,21 +1,26 @@
 //! `rfhoi simulate`.
 
+mod acted;
+
 use std::path::{Path, PathBuf};
 
-use anyhow::{Context, bail, ensure};
+use anyhow::{Context, ensure};
 use clap::{Args, ValueEnum};
+use glam::Vec2;
+use rand_chacha::ChaCha8Rng;
 use rfhoi::atomic;
 use rfhoi::hoi::{Action, CATEGORIES, Category, Object, UNSEEN};
 use rfhoi::simulate::cost;
 use rfhoi::simulate::draw::{Draw, Purpose, Wanted, draw, stream};
 use rfhoi::simulate::effects::{Domain, Effects};
+use rfhoi::simulate::portrait::{Caption, portray};
 use rfhoi::simulate::recording;
-use rfhoi::simulate::sample::{Take, perform};
 use rfhoi::simulate::scene::Scene;
 use rfhoi::simulate::set;
 use rfhoi_firmware::mmwave::cfg::{self, DemoOptions, LvdsStream};
 use serde::Serialize;
 
+use self::acted::{Acted, SourceArgs};
 use super::{ProfileArgs, Progress, report};
 
 /// The paper's synthetic data set (section 4.3).
@@ -46,6 +51,8 @@ pub(super) struct Simulate {
     #[command(flatten)]
     one: OneArgs,
     #[command(flatten)]
+    source: SourceArgs,
+    #[command(flatten)]
     profile: ProfileArgs,
 }
 
@@ -58,6 +65,9 @@ struct Output {
     /// File for one sample as radar and reader send it, packets (.pcap, or .pcap.gz); its profile goes beside it (.cfg).
     #[arg(long, value_name = "FILE")]
     recording: Option<PathBuf>,
+    /// Folder for pictures of one sample: all of it (sample.png), a few moments (strip.png), a film (film.gif).
+    #[arg(long, value_name = "DIR")]
+    picture: Option<PathBuf>,
     /// Only list the effects, and which domain has them.
     #[arg(long)]
     effects: bool,
@@ -89,9 +99,10 @@ struct SetArgs {
 #[derive(Debug, Args)]
 #[command(next_help_heading = "One sample")]
 struct OneArgs {
-    /// What is done: "pick up", "put down", "open", "close", "wipe", "sit down", "stand up" or "nothing".
-    #[arg(long, default_value = "pick up")]
-    action: String,
+    /// What is done: "pick up", "put down", "open", "close", "wipe", "sit down", "stand up" or "nothing"; by default
+    /// what --labelled says, else "pick up".
+    #[arg(long)]
+    action: Option<String>,
     /// To what; by default the first object that the action is known with.
     #[arg(long)]
     object: Option<String>,
@@ -126,12 +137,35 @@ enum CategoriesName {
 struct Recorded {
     simulated: bool,
     label: String,
+    /// The recording that was performed.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    after: Option<String>,
     scene: String,
     seed: u64,
     recording: PathBuf,
     profile: PathBuf,
     #[serde(flatten)]
     summary: recording::Summary,
+}
+
+#[derive(Debug, Serialize)]
+struct Pictured {
+    simulated: bool,
+    label: String,
+    /// The recording that was performed.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    after: Option<String>,
+    scene: String,
+    person: String,
+    distance_m: f32,
+    bearing_deg: f32,
+    facing_deg: f32,
+    domain: Domain,
+    seed: u64,
+    duration_s: f64,
+    radar_frames: usize,
+    phase_differences: usize,
+    pictures: Vec<PathBuf>,
 }
 
 #[derive(Debug, Serialize)]
@@ -146,10 +180,11 @@ struct Written {
 
 impl Simulate {
     pub(super) fn run(&self, json: bool) -> anyhow::Result<()> {
-        let Output { set, recording, effects: _, costs } = &self.output;
-        match (set, recording, costs) {
+        let Output { set, recording, picture, effects: _, costs } = &self.output;
+        match (set, recording, picture, costs) {
             (Some(folder), ..) => self.write_set(folder, json),
-            (_, Some(file), _) => self.record(file, json),
+            (_, Some(file), ..) => self.record(file, json),
+            (.., Some(folder), _) => self.picture(folder, json),
             (.., Some(samples)) => self.measure(*samples, json),
             _ => list_effects(json),
         }
@@ -236,12 +271,15 @@ impl Simulate {
             scene.people.retain(|p| p.name == *name);
             ensure!(!scene.people.is_empty(), "nobody in {} is called {name}: there are {names}", scene.name);
         }
+        let mut position = None;
         if let Some(number) = *place {
-            let count = scene.places.len();
-            let chosen = number.checked_sub(1).and_then(|n| scene.places.get(n)).copied();
-            scene.places = vec![
-                chosen.with_context(|| format!("{} has places 1 to {count}, not {number}", scene.name))?,
-            ];
+            // A place is listed once for each way to look.
+            let mut positions: Vec<Vec2> = scene.places.iter().map(|p| p.position).collect();
+            positions.dedup();
+            let count = positions.len();
+            position = number.checked_sub(1).and_then(|n| positions.get(n)).copied();
+            ensure!(position.is_some(), "{} has places 1 to {count}, not {number}", scene.name);
+            scene.places.retain(|p| Some(p.position) == position);
         }
         let categories: Vec<Category> = self.category()?.into_iter().collect();
         let wanted = Wanted {
@@ -256,6 +294,10 @@ impl Simulate {
         let mut drawn = draw(&wanted, &scenes).swap_remove(0);
         drawn.facing_deg = facing.unwrap_or(drawn.facing_deg);
         let [scene] = scenes;
+        if let Some(position) = position {
+            // In `train` people are anywhere.
+            drawn.move_to(position, &scene);
+        }
         Ok((scene, drawn))
     }
 
@@ -263,13 +305,16 @@ impl Simulate {
     fn category(&self) -> anyhow::Result<Option<Category>> {
         let OneArgs { action, object, .. } = &self.one;
         let known = || CATEGORIES.iter().chain(&UNSEEN).copied();
-        if action == "nothing" {
+        if action.as_deref() == Some("nothing") {
             ensure!(object.is_none(), "--object has no meaning with --action nothing");
             return Ok(None);
         }
-        let Some(action) = Action::named(action) else {
-            let names = Action::ALL.iter().map(|a| a.name()).collect::<Vec<_>>().join(", ");
-            bail!("no action is called `{action}`: {names}, nothing");
+        let action = match action {
+            Some(name) => Action::named(name).with_context(|| {
+                let names = Action::ALL.iter().map(|a| a.name()).collect::<Vec<_>>().join(", ");
+                format!("no action is called `{name}`: {names}, nothing")
+            })?,
+            None => self.source.action().unwrap_or(Action::PickUp),
         };
         let objects = || known().filter(move |c| c.action == action);
         let Some(object) = object else { return Ok(objects().next()) };
@@ -286,11 +331,10 @@ impl Simulate {
             .with_context(|| format!("{name}: name the recording .pcap or .pcap.gz"))?;
         let beside = PathBuf::from(format!("{stem}.cfg"));
         let (scene, drawn) = self.one()?;
-        let (domain, seed, effects) = (self.domain(), self.seed, self.effects()?);
-        let (performance, tags) = perform(domain, seed, &drawn, &scene)?;
-        let take = Take::of(&scene, &performance, &tags, effects);
-        let [mut radar, mut reader] =
-            [Purpose::Radar, Purpose::Rfid].map(|purpose| stream(domain, seed, drawn.sample, purpose));
+        let (seed, effects) = (self.seed, self.effects()?);
+        let acted = self.source.act(self.domain(), seed, &drawn, &scene)?;
+        let take = acted.take(&scene, effects);
+        let [mut radar, mut reader] = self.noise(&drawn);
         let progress = Progress::new(format!("simulating {name}"))?;
         let summary =
             recording::record(file, &take, &mut radar, &mut reader, &mut |share| progress.show(share))?;
@@ -300,10 +344,10 @@ impl Simulate {
         cfg::write(&scene.radar.profile, &demo, &mut text)
             .context("this profile cannot be written as a CLI profile")?;
         atomic::write(&beside, text.as_bytes())?;
-        let label = drawn.label.map_or("no interaction".to_owned(), |l| l.to_string());
         let recorded = Recorded {
             simulated: true,
-            label,
+            label: label(&acted),
+            after: acted.source.clone(),
             scene: scene.name,
             seed,
             recording: file.to_path_buf(),
@@ -312,6 +356,57 @@ impl Simulate {
         };
         report::print(&recorded, json)
     }
+
+    /// Streams of the noise of radar and reader.
+    fn noise(&self, drawn: &Draw) -> [ChaCha8Rng; 2] {
+        let of = |purpose| stream(self.domain(), self.seed, drawn.sample, purpose);
+        [Purpose::Radar, Purpose::Rfid].map(of)
+    }
+
+    fn picture(&self, folder: &Path, json: bool) -> anyhow::Result<()> {
+        let (scene, drawn) = self.one()?;
+        let (domain, seed) = (self.domain(), self.seed);
+        let acted = self.source.act(domain, seed, &drawn, &scene)?;
+        let take = acted.take(&scene, self.effects()?);
+        let person = &scene.people[drawn.person].name;
+        let (label, distance_m, facing_deg) = (label(&acted), drawn.distance_m, drawn.facing_deg);
+        let who = acted.source.as_ref().map_or(person.clone(), |source| format!("after {source}"));
+        let caption = Caption {
+            title: format!(
+                "Simulated: {label}, {who}, {}, {distance_m:.1} m away, facing {facing_deg:.0} deg",
+                scene.name
+            ),
+            target: acted.target(),
+            interaction_s: acted.interaction_s(),
+        };
+        let [mut radar, mut reader] = self.noise(&drawn);
+        let progress = Progress::new(format!("simulating {label}"))?;
+        let sample = portray(&take, caption, &mut radar, &mut reader, &mut |share| progress.show(share))?;
+        drop(progress);
+        std::fs::create_dir_all(folder)
+            .with_context(|| format!("cannot make the folder {}", folder.display()))?;
+        let pictured = Pictured {
+            simulated: true,
+            label,
+            after: acted.source.clone(),
+            scene: scene.name.clone(),
+            person: person.clone(),
+            distance_m,
+            bearing_deg: drawn.bearing_deg,
+            facing_deg,
+            domain,
+            seed,
+            duration_s: take.performance.duration_s(),
+            radar_frames: sample.moments.len(),
+            phase_differences: sample.differences.iter().map(|d| d.points.len()).sum(),
+            pictures: sample.write(folder)?,
+        };
+        report::print(&pictured, json)
+    }
+}
+
+fn label(acted: &Acted) -> String {
+    acted.label.map_or("no interaction".to_owned(), |label| label.to_string())
 }
 
 impl Simulate {

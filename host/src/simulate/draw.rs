@@ -134,9 +134,7 @@ fn one(wanted: &Wanted<'_>, scenes: &[Scene], sample: u32, performed: Option<Cat
         }
         _ => performed,
     };
-    let radar = &scenes[scene].radar;
-    let seen = radar.axes() * (place.position.extend(radar.position.z) - radar.position);
-    Draw {
+    let mut draw = Draw {
         sample,
         label,
         performed,
@@ -144,11 +142,13 @@ fn one(wanted: &Wanted<'_>, scenes: &[Scene], sample: u32, performed: Option<Cat
         target,
         scene,
         person,
-        distance_m: seen.truncate().length(),
-        bearing_deg: libm::atan2f(seen.x, seen.y).to_degrees(),
+        distance_m: 0.0,
+        bearing_deg: 0.0,
         facing_deg: place.facing_rad.to_degrees(),
         place: place.position,
-    }
+    };
+    draw.move_to(place.position, &scenes[draw.scene]);
+    draw
 }
 
 /// Where somebody stands: in `train` anywhere the paper had people, in `site` at one of the scene's places, facing
@@ -173,6 +173,15 @@ fn stand(domain: Domain, scene: &Scene, rng: &mut ChaCha8Rng) -> Place {
 }
 
 impl Draw {
+    /// Moves the person to `position`, x and y in `scene`, m; they look as before.
+    pub fn move_to(&mut self, position: Vec2, scene: &Scene) {
+        let radar = &scene.radar;
+        let seen = radar.axes() * (position.extend(radar.position.z) - radar.position);
+        self.place = position;
+        self.distance_m = seen.truncate().length();
+        self.bearing_deg = libm::atan2f(seen.x, seen.y).to_degrees();
+    }
+
     /// Where the person stands and looks.
     pub fn place(&self) -> Place {
         Place { position: self.place, facing_rad: self.facing_deg.to_radians() }

@@ -18,7 +18,7 @@
 //!
 //! What is computed beyond the direct paths is a matter of [`effects`], each a switch. A [`sample`] is one performance as
 //! both see it; [`draw`] says what it is about, [`set`] writes many, [`recording`] writes one at the level of the wire.
-//! [`picture`] draws a sample for people to see what it is of.
+//! [`picture`] draws a sample for people to see what it is of, [`portrait`] has one sit for it.
 
 pub mod body;
 pub mod cost;
@@ -29,6 +29,7 @@ pub mod meshes;
 pub mod perform;
 mod performance;
 pub mod picture;
+pub mod portrait;
 pub mod radar;
 pub mod recorded;
 pub mod recording;

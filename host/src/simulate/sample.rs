@@ -4,6 +4,7 @@ use std::ops::Range;
 
 use glam::Vec3;
 use rand_chacha::ChaCha8Rng;
+use rfhoi_shared::radar::RadarProfile;
 use rfhoi_shared::tag::{Epc, TagRead};
 use rfhoi_shared::units::{BridgeTime, Kilohertz};
 
@@ -88,6 +89,15 @@ impl Domain {
     }
 }
 
+/// The tag on `object` in `scene`.
+///
+/// # Errors
+/// If there is none.
+pub fn tag_on(scene: &Scene, object: Object) -> Result<Tag, SampleError> {
+    let tag = scene.tags.iter().find(|t| t.object == object).cloned();
+    tag.ok_or_else(|| SampleError::NoTag { scene: scene.name.clone(), object })
+}
+
 /// The performance of a draw, and its tags.
 ///
 /// # Errors
@@ -98,11 +108,7 @@ pub fn perform(
     draw: &Draw,
     scene: &Scene,
 ) -> Result<(Generated, Vec<Tag>), SampleError> {
-    let tag = |object: &Object| {
-        let tag = scene.tags.iter().find(|t| t.object == *object).cloned();
-        tag.ok_or_else(|| SampleError::NoTag { scene: scene.name.clone(), object: *object })
-    };
-    let tags: Vec<Tag> = draw.objects.iter().map(tag).collect::<Result<_, _>>()?;
+    let tags: Vec<Tag> = draw.objects.iter().map(|&o| tag_on(scene, o)).collect::<Result<_, _>>()?;
     let offsets: Vec<Vec3> = tags.iter().map(|tag| tag.offset).collect();
     let brief = Brief {
         person: &scene.people[draw.person],
@@ -141,6 +147,13 @@ impl<'a> Take<'a> {
     pub fn of(scene: &'a Scene, performance: &'a Generated, tags: &'a [Tag], effects: Effects) -> Self {
         let fixtures = Some(performance.fixtures());
         Self { scene, performance, fixtures, tags, proxy: Some(performance), effects }
+    }
+
+    /// When the frames of a radar with this profile begin, s: the first with the sample, the last before its end.
+    pub fn frame_times(&self, profile: &RadarProfile) -> impl ExactSizeIterator<Item = f64> + use<> {
+        let period_s = f64::from(profile.frame_period().0);
+        let count = (self.performance.duration_s() / period_s).ceil() as usize;
+        (0..count).map(move |frame| frame as f64 * period_s)
     }
 
     /// All reads, from the lead-in on, and the frequency of channel 1, 2, ...
@@ -200,12 +213,10 @@ impl<'a> Maker<'a> {
         let radar = &mut self.radars[draw.scene];
         let take = Take::of(scene, &performance, &tags, effects);
         radar.begin(take.fixtures, &mut stream(domain, seed, draw.sample, Purpose::Radar));
-        let period_s = f64::from(radar.config().profile.frame_period().0);
-        let duration_s = performance.duration_s();
-        let count = (duration_s / period_s).ceil() as usize;
-        let (mut frames, mut tags_m) = (Vec::with_capacity(count), Vec::with_capacity(count * tags.len()));
-        for frame in 0..count {
-            let time_s = frame as f64 * period_s;
+        let times = take.frame_times(&radar.config().profile);
+        let (mut frames, mut tags_m) =
+            (Vec::with_capacity(times.len()), Vec::with_capacity(times.len() * tags.len()));
+        for time_s in times {
             radar.look(&performance, time_s);
             frames.push(radar.maps());
             tags_m.extend((0..tags.len()).map(|tag| performance.tag(tag, time_s)));
@@ -213,7 +224,7 @@ impl<'a> Maker<'a> {
         let (reads, channels) = take.reads(&mut stream(domain, seed, draw.sample, Purpose::Rfid));
         let config = radar.config();
         Ok(Sample {
-            duration_s,
+            duration_s: performance.duration_s(),
             interaction_s: performance.interaction_s(),
             frames,
             reads,

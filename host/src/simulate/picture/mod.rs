@@ -36,6 +36,8 @@ pub struct Sample {
     pub interaction_s: Option<(f64, f64)>,
     /// Triangles of what moves, over the vertices of each moment; counter-clockwise as seen from outside.
     pub triangles: Vec<[u32; 3]>,
+    /// Triangles of what stands at the place besides the scene's furniture, and their vertices, m.
+    pub fixtures: (Vec<[u32; 3]>, Vec<Vec3>),
     /// Tagged things.
     pub things: Vec<Thing>,
     /// What the maps' rows and columns are.

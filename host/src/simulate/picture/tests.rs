@@ -175,6 +175,7 @@ fn sample() -> Sample {
         frame_s: FRAME_S,
         interaction_s: Some(INTERACTION_S),
         triangles: pose(&scene, &place, 0.0).1,
+        fixtures: Default::default(),
         things,
         axes,
         moments,

@@ -21,9 +21,9 @@ const PATH_SPAN_DB: f32 = 40.0;
 const TARGET: Paint = Paint::Series(HIGHLIGHT);
 const OTHER: Paint = Paint::Series(0);
 const ANTENNA: Paint = Paint::Series(2);
-/// Greys of a surface that faces the eye, and of one that is seen edge-on.
-const LIT: f32 = 205.0;
-const SHADED: f32 = 105.0;
+/// Greys of a surface that faces the eye, and of one that is seen edge-on: of what moves, and of what stands there.
+const MOVING: (f32, f32) = (205.0, 105.0);
+const STILL: (f32, f32) = (232.0, 196.0);
 
 /// Where the eye is.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -124,7 +124,7 @@ impl<'s> Views<'s> {
                 paint: Paint::Level(path.level_db),
                 width: 1,
             }));
-            self.body(eye, &moment.vertices, &mut shapes);
+            self.solids(eye, &moment.vertices, &mut shapes);
             // The target last, over the others.
             let mut things: Vec<(&Thing, Vec3)> =
                 self.sample.things.iter().zip(moment.things.iter().copied()).collect();
@@ -170,21 +170,30 @@ impl<'s> Views<'s> {
         shapes
     }
 
-    /// What moves, lit from the eye, the farthest triangle first.
-    fn body(&self, eye: Eye, vertices: &[Vec3], shapes: &mut Vec<Shape>) {
+    /// What moves and what stands there, lit from the eye, the farthest triangle first.
+    fn solids(&self, eye: Eye, vertices: &[Vec3], shapes: &mut Vec<Shape>) {
         let towards = eye.direction();
+        let (fixed, places) = &self.sample.fixtures;
         let mut seen = Vec::new();
-        for triangle in &self.sample.triangles {
-            let [Some(&a), Some(&b), Some(&c)] = triangle.map(|n| vertices.get(n as usize)) else { continue };
-            let facing = (b - a).cross(c - a).normalize_or_zero().dot(towards);
-            if facing > 0.0 {
-                seen.push(((a + b + c).dot(towards), facing, [a, b, c]));
+        for (triangles, vertices, greys) in
+            [(fixed, &places[..], STILL), (&self.sample.triangles, vertices, MOVING)]
+        {
+            for triangle in triangles {
+                let [Some(&a), Some(&b), Some(&c)] = triangle.map(|n| vertices.get(n as usize)) else {
+                    continue;
+                };
+                let facing = (b - a).cross(c - a).normalize_or_zero().dot(towards);
+                if facing > 0.0 {
+                    let (lit, shaded) = greys;
+                    let grey = (shaded + (lit - shaded) * facing) as u8;
+                    seen.push(((a + b + c).dot(towards), grey, [a, b, c]));
+                }
             }
         }
         seen.sort_by(|a, b| a.0.total_cmp(&b.0));
-        shapes.extend(seen.into_iter().map(|(_, facing, corners)| Shape::Polygon {
+        shapes.extend(seen.into_iter().map(|(_, grey, corners)| Shape::Polygon {
             corners: corners.map(|c| eye.flat(c)).to_vec(),
-            paint: Paint::Grey((SHADED + (LIT - SHADED) * facing) as u8),
+            paint: Paint::Grey(grey),
         }));
     }
 

@@ -22,6 +22,7 @@ mod spectrum;
 #[cfg(test)]
 mod tests;
 mod view;
+mod way;
 
 use glam::{Mat3, Vec3};
 use rand::Rng;

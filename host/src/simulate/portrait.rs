@@ -1,0 +1,180 @@
+//! From a [`Take`] to the pictures of it: what the scene, the radar and the reader made of each frame.
+//!
+//! Maps are those of the bridge; angles of arrival are Bartlett's, from the covariance of what moves; phase differences are
+//! those of [`phase`](crate::phase), corrected for hops by what the reader's lead-in taught.
+
+use std::ops::Range;
+
+use glam::Vec3;
+use ndarray::Array2;
+use rand_chacha::ChaCha8Rng;
+use rfhoi_firmware::dsp::level;
+use rfhoi_shared::tag::TagRead;
+use rfhoi_shared::units::Kilohertz;
+use rfhoi_shared::wire::{Covariance, HopTable};
+
+use super::picture::{Differences, MapAxes, Moment, Sample, SignalPath, Thing};
+use super::radar::{FrameMaps, Path, Radar, RadarError};
+use super::sample::{Take, epoch};
+use crate::aoa::Bartlett;
+use crate::phase::{ChannelPlan, Settings, analyse};
+
+/// Points of the angle grid each way: 3 degrees apart.
+const ANGLES: usize = 41;
+/// Paths that are drawn of each moment, the strongest: straight ones, and ones by way of a wall.
+const STRAIGHT_PATHS: usize = 12;
+const WALL_PATHS: usize = 4;
+
+/// Why there is no picture.
+#[derive(Debug, thiserror::Error)]
+pub enum PortraitError {
+    /// The radar.
+    #[error(transparent)]
+    Radar(#[from] RadarError),
+    /// The user stopped it.
+    #[error("stopped; nothing was written")]
+    Interrupted,
+}
+
+/// What the radios do not know.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Caption {
+    /// Title of the pictures; it must say that they are of a simulated sample.
+    pub title: String,
+    /// Number of the target's tag, if there is one.
+    pub target: Option<usize>,
+    /// When the interaction begins and ends, s, if that is known.
+    pub interaction_s: Option<Range<f64>>,
+}
+
+/// Simulates `take` and gathers what is to be drawn; `radar_rng` and `reader_rng` seed each device's noise. `progress` is
+/// told the share that is done, 0 to 1, and says whether to go on.
+///
+/// # Errors
+/// If the profile has no antenna geometry, or the user stops it.
+pub fn portray(
+    take: &Take<'_>,
+    caption: Caption,
+    radar_rng: &mut ChaCha8Rng,
+    reader_rng: &mut ChaCha8Rng,
+    progress: &mut dyn FnMut(f64) -> bool,
+) -> Result<Sample, PortraitError> {
+    let Take { scene, performance, tags, .. } = *take;
+    let mut radar = Radar::new(scene, take.effects)?;
+    radar.begin(take.fixtures, radar_rng);
+    let profile = radar.config().profile.clone();
+    let grid = Bartlett::new(&profile, ANGLES).ok_or(RadarError::Geometry)?;
+    let times = take.frame_times(&profile);
+    let count = times.len();
+    let mut moments = Vec::with_capacity(count);
+    for (frame, time_s) in times.enumerate() {
+        if !progress(frame as f64 / count as f64) {
+            return Err(PortraitError::Interrupted);
+        }
+        let paths = radar.look(performance, time_s).to_vec();
+        let maps = radar.maps();
+        let mut vertices = Vec::new();
+        performance.vertices(time_s, &mut vertices);
+        let bins = radar.config().processing.gate.bins.into();
+        moments.push(Moment {
+            vertices,
+            things: (0..tags.len()).map(|tag| performance.tag(tag, time_s)).collect(),
+            paths: strongest(&radar, paths),
+            range_doppler: levels(bins, &maps.range_doppler),
+            range_time: levels(bins, &maps.range_time),
+            angles: angles(&grid, &maps),
+        });
+    }
+    let (reads, channels) = take.reads(reader_rng);
+    let things = tags.iter().enumerate().map(|(number, tag)| Thing {
+        name: tag.object.name().to_owned(),
+        target: caption.target == Some(number),
+    });
+    let (surface, vertices) = take.fixtures.unzip();
+    Ok(Sample {
+        title: caption.title,
+        scene: scene.clone(),
+        frame_s: profile.frame_period().0.into(),
+        interaction_s: caption.interaction_s.map(|s| (s.start, s.end)),
+        triangles: performance.surface().triangles.clone(),
+        fixtures: (
+            surface.map(|s| s.triangles.clone()).unwrap_or_default(),
+            vertices.map(<[Vec3]>::to_vec).unwrap_or_default(),
+        ),
+        things: things.collect(),
+        axes: axes(&radar, &grid),
+        moments,
+        differences: differences(take, &reads, &channels),
+    })
+}
+
+/// Outer edges of the maps.
+fn axes(radar: &Radar, grid: &Bartlett) -> MapAxes {
+    /// Edges of cells that are `step` apart from the first to the last.
+    fn edges(first: f32, last: f32, step: f32) -> (f64, f64) {
+        ((first - step / 2.0).into(), (last + step / 2.0).into())
+    }
+    let config = radar.config();
+    let (gate, loops) = (config.processing.gate, f32::from(config.profile.loops));
+    let (range_bin, velocity_bin) = (config.profile.range_bin().0, config.profile.velocity_bin().0);
+    let first = f32::from(gate.first) * range_bin;
+    let slowest = -(loops / 2.0).floor() * velocity_bin;
+    let angle = |degrees: &ndarray::Array1<f32>| {
+        let widest = grid.azimuth_deg[grid.azimuth_deg.len() - 1];
+        edges(-widest, widest, 2.0 * widest / (degrees.len().max(2) - 1) as f32)
+    };
+    MapAxes {
+        range_m: edges(first, first + f32::from(gate.bins - 1) * range_bin, range_bin),
+        velocity_m_s: edges(slowest, slowest + (loops - 1.0) * velocity_bin, velocity_bin),
+        azimuth_deg: angle(&grid.azimuth_deg),
+        elevation_deg: angle(&grid.elevation_deg),
+    }
+}
+
+/// A map of codes in `rows`, dB.
+fn levels(rows: usize, codes: &[u8]) -> Array2<f32> {
+    let levels = codes.iter().map(|&code| level::SCALE.level_db(code)).collect();
+    Array2::from_shape_vec((rows, codes.len() / rows.max(1)), levels).unwrap_or_default()
+}
+
+/// Bartlett's spectrum, dB; missing where nothing moves.
+fn angles(grid: &Bartlett, maps: &FrameMaps) -> Array2<f32> {
+    let antennas = maps.covariance.len().isqrt() as u8;
+    let packed = maps.covariance.iter().copied().collect();
+    let spectrum = grid.spectrum(&Covariance { frame: 0, antennas, packed });
+    let db = |power: f32| if maps.moving_cells > 0 { 10.0 * libm::log10f(power) } else { f32::NAN };
+    spectrum.map(|power| power.mapv(db)).unwrap_or_default()
+}
+
+/// The strongest of `paths`, of both kinds.
+fn strongest(radar: &Radar, mut paths: Vec<Path>) -> Vec<SignalPath> {
+    paths.sort_by(|a, b| b.amplitude.total_cmp(&a.amplitude));
+    let (straight, by_wall): (Vec<Path>, Vec<Path>) = paths.into_iter().partition(|p| p.departure == p.arrival);
+    // Each way by a wall is there and back.
+    let by_wall = by_wall.into_iter().step_by(2).take(WALL_PATHS);
+    let path =
+        |p: Path| SignalPath { points: radar.way(&p), level_db: 20.0 * libm::log10f(p.amplitude) };
+    straight.into_iter().take(STRAIGHT_PATHS).chain(by_wall).map(path).collect()
+}
+
+/// Differences of phase from read to read during the sample, by tag and antenna.
+fn differences(take: &Take<'_>, reads: &[TagRead], channels: &[Kilohertz]) -> Vec<Differences> {
+    let table = HopTable { table: 1, channels: channels.iter().copied().collect() };
+    let settings =
+        Settings { scene: take.scene.needs(), channels: ChannelPlan::from(&table), ..Settings::default() };
+    let (samples, _) = analyse(reads, settings);
+    let epoch_s = epoch(&take.effects).seconds();
+    let tracks = take.tags.iter().enumerate().flat_map(|(thing, tag)| {
+        (1..=take.scene.reader.antennas.len() as u16).map(move |antenna| (thing, tag, antenna))
+    });
+    let track = |(thing, tag, antenna): (usize, &super::scene::Tag, u16)| {
+        let own = samples.iter().filter(|s| s.key.epc == tag.epc && s.key.antenna.0 == antenna);
+        let point = |time_s: f64, turned| (time_s >= 0.0).then_some((time_s, turned));
+        let points = own.filter_map(|s| {
+            let turned = s.step?.turned.ok();
+            point(s.time.seconds() - epoch_s, turned)
+        });
+        Differences { thing, antenna, points: points.collect() }
+    };
+    tracks.map(track).collect()
+}
