@@ -37,15 +37,20 @@ impl Room {
         let tag = |(n, &length): (usize, &usize)| {
             let mut epc = vec![0xe2; length];
             epc[length - 1] = n as u8 + 1;
-            Tag { epc: Epc::new(&epc).expect("62 bytes at most"), object: Object::Cup }
+            Tag { epc: Epc::new(&epc).expect("62 bytes at most"), object: Object::Cup, offset: Vec3::ZERO }
         };
         let room = scene::Room {
             min: Vec3::new(-1.0, -1.0, 0.0),
             max: Vec3::new(SIDE_M + 1.0, SIDE_M + 1.0, 2.7),
             reflectivity: 0.2,
         };
-        let radar =
-            RadarPose { position: Vec3::ZERO, yaw_rad: 0.0, pitch_rad: 0.0, profile: RadarProfile::bridge() };
+        let radar = RadarPose {
+            position: Vec3::ZERO,
+            yaw_rad: 0.0,
+            pitch_rad: 0.0,
+            depth_m: 3.05,
+            profile: RadarProfile::bridge(),
+        };
         let reader = Reader { antennas: (0..antennas).map(corner).collect(), power_dbm: 30.0 };
         let (furniture, people, places) = Default::default();
         let scene =

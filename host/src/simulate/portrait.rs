@@ -149,11 +149,11 @@ fn angles(grid: &Bartlett, maps: &FrameMaps) -> Array2<f32> {
 /// The strongest of `paths`, of both kinds.
 fn strongest(radar: &Radar, mut paths: Vec<Path>) -> Vec<SignalPath> {
     paths.sort_by(|a, b| b.amplitude.total_cmp(&a.amplitude));
-    let (straight, by_wall): (Vec<Path>, Vec<Path>) = paths.into_iter().partition(|p| p.departure == p.arrival);
+    let (straight, by_wall): (Vec<Path>, Vec<Path>) =
+        paths.into_iter().partition(|p| p.departure == p.arrival);
     // Each way by a wall is there and back.
     let by_wall = by_wall.into_iter().step_by(2).take(WALL_PATHS);
-    let path =
-        |p: Path| SignalPath { points: radar.way(&p), level_db: 20.0 * libm::log10f(p.amplitude) };
+    let path = |p: Path| SignalPath { points: radar.way(&p), level_db: 20.0 * libm::log10f(p.amplitude) };
     straight.into_iter().take(STRAIGHT_PATHS).chain(by_wall).map(path).collect()
 }
 
