@@ -42,7 +42,7 @@ enum Command {
     /// Feed a recording through the bridge's logic and over the wire; write pictures and numbers.
     Replay(replay::Replay),
     /// Make a simulated recording.
-    Simulate(simulate::Simulate),
+    Simulate(Box<simulate::Simulate>),
     /// Find, configure and watch bridges in the network.
     Bridge(bridge::Bridge),
     /// Program a board over its debug probe, and follow its log.

@@ -21,8 +21,8 @@
 //! | `channel_khz` | S x channels, u32 | frequency of channel 1, 2, ... |
 //! | `duration_s` | S, f32 | length |
 //! | `interaction_s` | S x 2, f32 | when the object is in somebody's hands; 0, 0 without a label |
-//! | `action`, `target` | S, i8 | number of the action ([`Action`](crate::hoi::Action)) and of the target's tag; -1 is none |
-//! | `objects` | S x T, u8 | number of each tag's [`Object`](crate::hoi::Object), by label |
+//! | `action`, `target` | S, i8 | number of the action ([`Action`]) and of the target's tag; -1 is none |
+//! | `objects` | S x T, u8 | number of each tag's [`Object`], by label |
 //!
 //! [`Covariance`]: rfhoi_shared::wire::Covariance
 

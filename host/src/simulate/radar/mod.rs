@@ -8,7 +8,7 @@
 //! ```
 //!
 //! Phases follow the whole way of each path, quadratic in time over a frame; levels follow the radar equation
-//! ([`front_end`]). Both forms share paths, geometry and noise, so they differ only by what [`kernel`] leaves out.
+//! (`front_end.rs`). Both forms share paths, geometry and noise, so they differ only by what `kernel.rs` leaves out.
 //! Not simulated: interference, specular highlights, second bounces, coupling between transmitter and receiver, echoes
 //! past the profile's range span, which the receiver's filter takes.
 
