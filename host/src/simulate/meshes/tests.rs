@@ -26,6 +26,8 @@ fn write(folder: &Path, frames: &[String]) {
     }
 }
 
+/// Straight before the person.
+const RADAR: Vec3 = Vec3::new(1.0, 0.0, 1.0);
 const PLACE: Place = Place { position: Vec2::new(1.0, 2.0), facing_rad: 0.0 };
 
 #[test]
@@ -33,7 +35,7 @@ fn a_sequence_moves_at_its_place() {
     let folder = tempfile::tempdir().unwrap();
     let frames: Vec<String> = (0..5).map(|i| frame(0.1 * i as f32, 1.0)).collect();
     write(folder.path(), &frames);
-    let sequence = MeshSequence::open(folder.path(), &PLACE, Vec3::Z).unwrap();
+    let sequence = MeshSequence::open(folder.path(), &PLACE, RADAR).unwrap();
     assert_eq!(sequence.label(), Some(CATEGORIES[0]));
     assert!((sequence.duration_s() - 0.4).abs() < 1e-9 && sequence.surface().triangles.len() == 5);
     let mut vertices = Vec::new();
@@ -58,7 +60,7 @@ fn faults_name_the_file() {
         if let Some(table) = table {
             fs::write(folder.path().join(TABLE), table).unwrap();
         }
-        MeshSequence::open(folder.path(), &PLACE, Vec3::Z).unwrap_err().to_string()
+        MeshSequence::open(folder.path(), &PLACE, RADAR).unwrap_err().to_string()
     };
     let good = frame(0.0, 1.0);
     let two = [good.clone(), good.clone()];
@@ -78,5 +80,5 @@ fn faults_name_the_file() {
     says(fault(&two, Some(&SEQUENCE.replace("object = \"phone\"\n", ""))), &[TABLE, "both"]);
     says(fault(&two, Some(&SEQUENCE.replace("pick up", "juggle"))), &[TABLE, "juggle"]);
     let empty = tempfile::tempdir().unwrap();
-    assert!(matches!(MeshSequence::open(empty.path(), &PLACE, Vec3::Z), Err(MeshError::Open { .. })));
+    assert!(matches!(MeshSequence::open(empty.path(), &PLACE, RADAR), Err(MeshError::Open { .. })));
 }
