@@ -149,11 +149,11 @@ fn angles(grid: &Bartlett, maps: &FrameMaps) -> Array2<f32> {
 /// The strongest of `paths`, of both kinds.
 fn strongest(radar: &Radar, mut paths: Vec<Path>) -> Vec<SignalPath> {
     paths.sort_by(|a, b| b.amplitude.total_cmp(&a.amplitude));
-    let (straight, by_wall): (Vec<Path>, Vec<Path>) = paths.into_iter().partition(|p| p.departure == p.arrival);
+    let (straight, by_wall): (Vec<Path>, Vec<Path>) =
+        paths.into_iter().partition(|p| p.departure == p.arrival);
     // Each way by a wall is there and back.
     let by_wall = by_wall.into_iter().step_by(2).take(WALL_PATHS);
-    let path =
-        |p: Path| SignalPath { points: radar.way(&p), level_db: 20.0 * libm::log10f(p.amplitude) };
+    let path = |p: Path| SignalPath { points: radar.way(&p), level_db: 20.0 * libm::log10f(p.amplitude) };
     straight.into_iter().take(STRAIGHT_PATHS).chain(by_wall).map(path).collect()
 }
 
@@ -196,8 +196,7 @@ mod tests {
         let scenes = [scene];
         let book = Category { action: Action::PickUp, object: Object::Book };
         assert!(CATEGORIES.contains(&book));
-        let wanted =
-            Wanted { domain, seed, samples: 1, categories: &[book], nothing: 0.0, expand: false };
+        let wanted = Wanted { domain, seed, samples: 1, categories: &[book], nothing: 0.0, expand: false };
         let mut drawn = draw(&wanted, &scenes).swap_remove(0);
         drawn.facing_deg = 0.0;
         let (performance, tags) = perform(domain, seed, &drawn, &scenes[0]).unwrap();
@@ -244,7 +243,11 @@ mod tests {
             assert!((nearest - 0.1..nearest + 0.7).contains(&range_m), "frame {n}: {range_m} m, {nearest} m");
             let velocity_m_s = place(sample.axes.velocity_m_s, velocity);
             if level_db > -75.0 && velocity_m_s.abs() > 0.5 {
-                if velocity_m_s < 0.0 { towards += 1 } else { away += 1 }
+                if velocity_m_s < 0.0 {
+                    towards += 1
+                } else {
+                    away += 1
+                }
                 let time_s = n as f64 * sample.frame_s;
                 assert!((begin_s - 0.1..end_s + 0.1).contains(&time_s), "frame {n} is lively");
                 let (elevation, azimuth, _) = peak(&moment.angles);

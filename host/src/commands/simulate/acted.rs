@@ -108,7 +108,12 @@ impl SourceArgs {
                 .with_context(|| format!("cannot perform {}", path.display()))?;
             let source = format!("{part} of {}", named(path));
             let tags = tags(drawn.label)?;
-            return Ok(Acted { what: What::Recorded(recorded), tags, label: drawn.label, source: Some(source) });
+            return Ok(Acted {
+                what: What::Recorded(recorded),
+                tags,
+                label: drawn.label,
+                source: Some(source),
+            });
         }
         if let Some(folder) = &self.meshes {
             let sequence = MeshSequence::open(folder, &place, radar)?;
