@@ -78,7 +78,8 @@ impl Heatmap {
         if let Some(bar) = bar {
             bar.draw(canvas, area, plot, colour::of_value)?;
         }
-        self.draw_missing(canvas, area)
+        // There is room for it beside a title only.
+        if title > 0 { self.draw_missing(canvas, area) } else { Ok(()) }
     }
 
     /// Explains the hatching, if there is any.

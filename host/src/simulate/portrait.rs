@@ -169,12 +169,119 @@ fn differences(take: &Take<'_>, reads: &[TagRead], channels: &[Kilohertz]) -> Ve
     });
     let track = |(thing, tag, antenna): (usize, &super::scene::Tag, u16)| {
         let own = samples.iter().filter(|s| s.key.epc == tag.epc && s.key.antenna.0 == antenna);
-        let point = |time_s: f64, turned| (time_s >= 0.0).then_some((time_s, turned));
         let points = own.filter_map(|s| {
-            let turned = s.step?.turned.ok();
-            point(s.time.seconds() - epoch_s, turned)
+            let time_s = s.time.seconds() - epoch_s;
+            let step = s.step.filter(|_| time_s >= 0.0)?;
+            Some((time_s, step.turned.ok()))
         });
         Differences { thing, antenna, points: points.collect() }
     };
     tracks.map(track).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::hoi::{Action, CATEGORIES, Category, Object};
+    use crate::simulate::draw::{Purpose, Wanted, draw, stream};
+    use crate::simulate::effects::{Domain, Effects};
+    use crate::simulate::sample::perform;
+    use crate::simulate::scene::Scene;
+
+    /// Somebody picks up a book, straight ahead of the radar, and looks at it.
+    fn sample(seed: u64, go_on: bool) -> Result<Sample, PortraitError> {
+        let (domain, effects) = (Domain::Site, Effects::of(Domain::Site));
+        let mut scene = Scene::named("working-space").unwrap();
+        scene.places.retain(|p| p.position.x == 0.0 && p.position.y == 2.4 && p.facing_rad == 0.0);
+        let scenes = [scene];
+        let book = Category { action: Action::PickUp, object: Object::Book };
+        assert!(CATEGORIES.contains(&book));
+        let wanted = Wanted { domain, seed, samples: 1, categories: &[book], nothing: 0.0, expand: false };
+        let mut drawn = draw(&wanted, &scenes).swap_remove(0);
+        drawn.facing_deg = 0.0;
+        let (performance, tags) = perform(domain, seed, &drawn, &scenes[0]).unwrap();
+        let take = Take::of(&scenes[0], &performance, &tags, effects);
+        let [mut radar, mut reader] = [Purpose::Radar, Purpose::Rfid].map(|p| stream(domain, seed, 0, p));
+        let caption = Caption {
+            title: "Simulated".to_owned(),
+            target: performance.target(),
+            interaction_s: Some(performance.interaction_s()),
+        };
+        portray(&take, caption, &mut radar, &mut reader, &mut |_| go_on)
+    }
+
+    /// Where the largest value of a map is, as shares of both axes, from the lower left corner.
+    fn peak(map: &Array2<f32>) -> (f64, f64, f32) {
+        let (rows, columns) = map.dim();
+        let share = |n: usize, of: usize| (n as f64 + 0.5) / of as f64;
+        let cells = map.indexed_iter().filter(|(_, v)| v.is_finite());
+        let ((row, column), &top) = cells.max_by(|a, b| a.1.total_cmp(b.1)).unwrap();
+        (share(row, rows), share(column, columns), top)
+    }
+
+    fn place((from, to): (f64, f64), share: f64) -> f64 {
+        from + (to - from) * share
+    }
+
+    #[test]
+    fn maps_paths_and_phases_agree_with_the_scene() {
+        let sample = sample(3, true).unwrap();
+        let target = sample.things.iter().position(|t| t.target).unwrap();
+        assert_eq!(sample.things[target].name, "book");
+        let (begin_s, end_s) = sample.interaction_s.unwrap();
+        let radar = sample.scene.radar.position;
+
+        // The strongest cell of each frame is a part of the person, and moves as the range of the person's does.
+        let (mut towards, mut away) = (0, 0);
+        for (n, moment) in sample.moments.iter().enumerate() {
+            assert_eq!(moment.things.len(), sample.things.len());
+            assert!(moment.paths.iter().all(|p| p.points.len() > 2 && p.level_db.is_finite()), "frame {n}");
+            let (range, velocity, level_db) = peak(&moment.range_doppler);
+            let range_m = place(sample.axes.range_m, range);
+            let distances = moment.vertices.iter().map(|v| f64::from(v.distance(radar)));
+            let nearest = distances.fold(f64::INFINITY, f64::min);
+            assert!((nearest - 0.1..nearest + 0.7).contains(&range_m), "frame {n}: {range_m} m, {nearest} m");
+            let velocity_m_s = place(sample.axes.velocity_m_s, velocity);
+            if level_db > -75.0 && velocity_m_s.abs() > 0.5 {
+                if velocity_m_s < 0.0 {
+                    towards += 1
+                } else {
+                    away += 1
+                }
+                let time_s = n as f64 * sample.frame_s;
+                assert!((begin_s - 0.1..end_s + 0.1).contains(&time_s), "frame {n} is lively");
+                let (elevation, azimuth, _) = peak(&moment.angles);
+                let azimuth_deg = place(sample.axes.azimuth_deg, azimuth);
+                let elevation_deg = place(sample.axes.elevation_deg, elevation);
+                assert!(azimuth_deg.abs() < 20.0 && elevation_deg.abs() < 30.0, "frame {n}");
+            }
+        }
+        assert!(towards > 0 && away > 0, "{towards} frames towards the radar, {away} away");
+
+        // The tag's phase turns most on the thing that is picked up.
+        let most_deg = |thing: usize| {
+            let own = sample.differences.iter().filter(|d| d.thing == thing);
+            let turned = own.flat_map(|d| d.points.iter().filter_map(|p| p.1));
+            let mut turned: Vec<f64> = turned.map(|d| d.to_degrees().abs()).collect();
+            turned.sort_by(f64::total_cmp);
+            // The upper tenth: single differences may be wrong.
+            turned[turned.len() - 1 - turned.len() / 10]
+        };
+        for other in (0..sample.things.len()).filter(|&n| n != target) {
+            let (target, other) = (most_deg(target), most_deg(other));
+            assert!(target > other, "{target} deg of the target, {other} deg of another");
+        }
+        let duration_s = sample.moments.len() as f64 * sample.frame_s;
+        let times = sample.differences.iter().flat_map(|d| d.points.iter().map(|p| p.0));
+        assert!(times.clone().all(|t| (0.0..duration_s).contains(&t)) && times.count() > 500);
+    }
+
+    #[test]
+    fn the_same_seed_gives_the_same_picture_and_stopping_none() {
+        let [a, b] = [3, 3].map(|seed| sample(seed, true).unwrap());
+        assert_eq!(a.differences, b.differences);
+        let maps = |s: &Sample| s.moments.iter().map(|m| m.range_doppler.clone()).collect::<Vec<_>>();
+        assert_eq!(maps(&a), maps(&b));
+        assert!(matches!(sample(3, false), Err(PortraitError::Interrupted)));
+    }
 }

@@ -21,7 +21,7 @@ use rfhoi::simulate::scene::{Scene, Tag};
 #[command(next_help_heading = "One sample, after a recording")]
 pub(super) struct SourceArgs {
     /// Recorded motion that is performed instead of a generated one: .amc with its .asf beside it, .bvh, Kinect joints.
-    #[arg(long, value_name = "FILE")]
+    #[arg(long, value_name = "FILE", conflicts_with = "set")]
     motion: Option<PathBuf>,
     /// Which frames of the motion, by their numbers in the file.
     #[arg(long, value_name = "FIRST..=LAST", value_parser = frames, requires = "motion", conflicts_with = "labelled")]
@@ -33,7 +33,7 @@ pub(super) struct SourceArgs {
     #[arg(long, requires = "motion")]
     left_hand: bool,
     /// Meshes that are performed instead: a folder of OBJ files with sequence.toml, which also says what is done.
-    #[arg(long, value_name = "DIR", conflicts_with_all = ["motion", "action", "object", "person"])]
+    #[arg(long, value_name = "DIR", conflicts_with_all = ["set", "motion", "action", "object", "person"])]
     meshes: Option<PathBuf>,
 }
 

@@ -64,7 +64,8 @@ impl<'s> Maps<'s> {
         let rows: Vec<_> = self.sample.moments.iter().map(|m| m.range_time.view()).collect();
         let values = concatenate(Dim(1), &rows).unwrap_or_default();
         let time = time_axis(self.sample, now_s);
-        let title = if now_s.is_some() { "Range over time" } else { "Range over time (dashed: interaction)" };
+        let marked = now_s.is_none() && self.sample.interaction_s.is_some();
+        let title = if marked { "Range over time (dashed: interaction)" } else { "Range over time" };
         heatmap(title.into(), values, (time, self.range()), self.range_time)
     }
 

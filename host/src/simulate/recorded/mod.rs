@@ -9,6 +9,7 @@
 //! hand is farthest from where it began (pick up), until then (put down), or always (open, close); table and chair stay
 //! where the motion ends or begins.
 
+mod bends;
 mod joints;
 mod smooth;
 #[cfg(test)]
@@ -18,6 +19,7 @@ use std::ops::RangeInclusive;
 
 use glam::{Quat, Vec3};
 
+use self::bends::{Bends, bent};
 use super::body::{
     Body, Joint, Joints, Lengths, Side, basis, highest_hip, softly_at_most, stretched, two_bones,
 };
@@ -164,6 +166,7 @@ struct Fitted<'a> {
     scale: f32,
     /// From the recording's axes, scaled.
     to_person: Pose,
+    bends: Bends,
 }
 
 impl<'a> Fitted<'a> {
@@ -184,11 +187,24 @@ impl<'a> Fitted<'a> {
         lowest.sort_by(f32::total_cmp);
         let floor = lowest[lowest.len() / 2] - lengths.ankle;
         let to_person = Pose { at: Vec3::new(-origin.x, -origin.y, -floor), turn };
-        Self { track, lengths, scale, to_person }
+        let mut fitted = Self { track, lengths, scale, to_person, bends: Bends::default() };
+        let mut bends = Bends::default();
+        for time_s in Bends::times(track.duration_s()) {
+            bends.begin_time();
+            fitted.joints(time_s, |limb, wanted, out| bends.follow(limb, wanted, out));
+        }
+        fitted.bends = bends;
+        fitted
     }
 
     /// Joints at `time_s`.
     fn at(&self, time_s: f64) -> Joints {
+        self.joints(time_s, |limb, wanted, out| self.bends.at(limb, time_s, wanted, out))
+    }
+
+    /// Joints at `time_s`; `bend` makes the bend of a limb (left and right arm, left and right leg) of the one that is seen and
+    /// the direction of the limb.
+    fn joints(&self, time_s: f64, mut bend: impl FnMut(usize, Vec3, Vec3) -> Vec3) -> Joints {
         use Joint::*;
         let recorded = self.track.at(time_s);
         let way = |from: Joint, to: Joint, rest: Vec3| {
@@ -218,15 +234,18 @@ impl<'a> Fitted<'a> {
         let shoulders = put(ShoulderCentre, spine + way(Spine, ShoulderCentre, Vec3::Z) * lengths.chest);
         put(Head, shoulders + way(ShoulderCentre, Head, Vec3::Z) * lengths.neck);
         // Shoulders square to the spine: trackers let them sag.
-        let chest = basis(way(ShoulderLeft, ShoulderRight, Vec3::X), way(Spine, ShoulderCentre, Vec3::Z));
+        // The hips have a say in where right is: to one who bends to the camera, it may see one shoulder over the other.
+        let right = way(ShoulderLeft, ShoulderRight, Vec3::X) + 0.5 * way(HipLeft, HipRight, Vec3::X);
+        let chest = basis(right, way(Spine, ShoulderCentre, Vec3::Z));
         for side in Side::BOTH {
             let [shoulder, elbow, wrist, hand] = side.arm();
             let at = put(shoulder, shoulders + chest * (Vec3::X * side.sign() * lengths.shoulder));
             let (lower, to_hand) = (lengths.forearm + lengths.palm, place(hand) - at);
             let out = to_hand.normalize_or(Vec3::NEG_Z);
-            let bend = bent(way(shoulder, elbow, Vec3::NEG_Z), chest * Vec3::NEG_Y, out);
+            let wanted = bent(way(shoulder, elbow, Vec3::NEG_Z), chest * Vec3::NEG_Y, out);
+            let bend_arm = bend(side.index(), wanted, out);
             let reach = stretched(to_hand.length(), lengths.arm());
-            let (mid, end) = two_bones(at, out, reach, [lengths.upper_arm, lower], bend);
+            let (mid, end) = two_bones(at, out, reach, [lengths.upper_arm, lower], bend_arm);
             put(elbow, mid);
             put(wrist, mid + (end - mid) * (lengths.forearm / lower));
             put(hand, end);
@@ -234,8 +253,9 @@ impl<'a> Fitted<'a> {
             let at = put(hip, centre + across * side.sign());
             let leg = ankles[side.index()] - at;
             let down = leg.normalize_or(Vec3::NEG_Z);
-            let bend = bent(way(hip, knee, Vec3::NEG_Z), Vec3::Z.cross(across).normalize_or(Vec3::Y), down);
-            let (mid, end) = two_bones(at, down, leg.length(), [lengths.thigh, lengths.shin], bend);
+            let forward = Vec3::Z.cross(across).normalize_or(Vec3::Y);
+            let bend_leg = bend(2 + side.index(), bent(way(hip, knee, Vec3::NEG_Z), forward, down), down);
+            let (mid, end) = two_bones(at, down, leg.length(), [lengths.thigh, lengths.shin], bend_leg);
             let at = put(ankle, end);
             put(knee, mid);
             let length = libm::hypotf(lengths.foot, lengths.instep);
@@ -243,12 +263,6 @@ impl<'a> Fitted<'a> {
         }
         joints
     }
-}
-
-/// Where an elbow or knee is off the line along `out` from its root to its end: to where it was `seen`, and a little to where
-/// it usually bends, which decides for straight limbs.
-fn bent(seen: Vec3, usual: Vec3, out: Vec3) -> Vec3 {
-    (seen + 0.1 * usual).reject_from_normalized(out).normalize_or(out.any_orthonormal_vector())
 }
 
 /// Times at which a motion is looked through, s.

@@ -44,6 +44,8 @@ struct Figures {
     hand: Vec<f32>,
     fastest: [f32; 2],
     top: f32,
+    /// The fastest elbow or knee.
+    bend: f32,
 }
 
 fn figures(recorded: &Recorded) -> Figures {
@@ -62,7 +64,9 @@ fn figures(recorded: &Recorded) -> Figures {
         top = vertices.iter().map(|v| v.z).fold(top, f32::max);
     }
     let fastest = [speed(Joint::HandRight), speed(Joint::Head)];
-    Figures { hips: height(Joint::HipCentre), hand: height(Joint::HandRight), fastest, top }
+    let bends = [Joint::ElbowLeft, Joint::ElbowRight, Joint::KneeLeft, Joint::KneeRight];
+    let bend = bends.into_iter().map(speed).fold(0.0, f32::max);
+    Figures { hips: height(Joint::HipCentre), hand: height(Joint::HandRight), fastest, top, bend }
 }
 
 fn plausible(name: &str, recorded: &Recorded) -> Figures {
@@ -76,6 +80,8 @@ fn plausible(name: &str, recorded: &Recorded) -> Figures {
     );
     assert!((0.3..3.0).contains(&found.fastest[0]), "{name}: hand {} m/s", found.fastest[0]);
     assert!(found.fastest[1] < 3.0, "{name}: head {} m/s", found.fastest[1]);
+    // Without limits they flip over at 20 m/s.
+    assert!(found.bend < 5.0, "{name}: an elbow or knee {} m/s", found.bend);
     // In no recording somebody stands upright all along: they lean a little at least.
     let share = found.top / PERSON.0;
     assert!((0.87..1.03).contains(&share), "{name}: {} m tall", found.top);
