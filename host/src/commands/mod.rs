@@ -41,7 +41,7 @@ enum Command {
     Inspect(inspect::Inspect),
     /// Feed a recording through the bridge's logic and over the wire; write pictures and numbers.
     Replay(replay::Replay),
-    /// Make a simulated recording.
+    /// Make simulated data: sets of labelled samples, recordings, pictures.
     Simulate(Box<simulate::Simulate>),
     /// Find, configure and watch bridges in the network.
     Bridge(bridge::Bridge),
@@ -96,12 +96,12 @@ struct ProfileArgs {
     /// CLI profile (.cfg), mmWave Studio log, or one of paper, fine, bridge; by default a .cfg beside the recording.
     #[arg(long, value_name = "FILE|NAME")]
     profile: Option<String>,
-    /// Board, where the profile does not name it.
-    #[arg(long, value_enum, default_value_t = BoardName::Awr1843aop)]
-    board: BoardName,
+    /// Board, where the profile does not name it; AWR1843AOP if not given.
+    #[arg(long, value_enum)]
+    board: Option<BoardName>,
     /// Quarter turns of the board, clockwise as seen from behind it.
-    #[arg(long, default_value_t = 0, value_parser = clap::value_parser!(u8).range(0..4))]
-    quarter_turns: u8,
+    #[arg(long, value_parser = clap::value_parser!(u8).range(0..4))]
+    quarter_turns: Option<u8>,
     /// ADC samples of a chirp.
     #[arg(long)]
     samples: Option<u16>,
@@ -138,11 +138,13 @@ enum IqName {
 }
 
 impl ProfileArgs {
-    /// The profile, or `None` where none is given and none lies beside `recording`.
-    fn load(&self, recording: Option<&Path>) -> anyhow::Result<Option<RadarProfile>> {
-        let mounting = MOUNTINGS[usize::from(self.quarter_turns)];
-        let board = Board { array: self.board.into(), mounting };
-        let changes = Changes {
+    fn board(&self) -> Board {
+        let mounting = MOUNTINGS[usize::from(self.quarter_turns.unwrap_or(0))];
+        Board { array: self.board.unwrap_or(BoardName::Awr1843aop).into(), mounting }
+    }
+
+    fn changes(&self) -> Changes {
+        Changes {
             samples: self.samples,
             loops: self.loops,
             receivers: self.receivers,
@@ -155,7 +157,31 @@ impl ProfileArgs {
                 IqName::QFirst => IqOrder::QFirst,
             }),
             real: self.real,
+        }
+    }
+
+    /// `own` with what is given in its place, or `None` where nothing is.
+    fn change(&self, own: &RadarProfile) -> anyhow::Result<Option<RadarProfile>> {
+        let changes = self.changes();
+        let mut profile = match &self.profile {
+            Some(source) => profile::load(source, self.board())?,
+            None if changes == Changes::default() && self.board.is_none() && self.quarter_turns.is_none() => {
+                return Ok(None);
+            }
+            None => own.clone(),
         };
+        if self.board.is_some() {
+            profile.array = self.board().array;
+        }
+        if self.quarter_turns.is_some() {
+            profile.mounting = self.board().mounting;
+        }
+        Ok(Some(changes.apply(profile).map_err(|e: ProfileFileError| e)?))
+    }
+
+    /// The profile, or `None` where none is given and none lies beside `recording`.
+    fn load(&self, recording: Option<&Path>) -> anyhow::Result<Option<RadarProfile>> {
+        let changes = self.changes();
         let beside = recording.and_then(profile_beside);
         let source = match (&self.profile, &beside) {
             (Some(source), _) => source.clone(),
@@ -167,7 +193,7 @@ impl ProfileArgs {
             (None, None) if changes != Changes::default() => "bridge".to_owned(),
             (None, None) => return Ok(None),
         };
-        let profile = profile::load(&source, board)?;
+        let profile = profile::load(&source, self.board())?;
         Ok(Some(changes.apply(profile).map_err(|e: ProfileFileError| e)?))
     }
 }

@@ -41,10 +41,10 @@ pub(super) struct Simulate {
     #[arg(long, default_value_t = 1)]
     seed: u64,
     /// Effects to leave out, by name (`--effects` lists them).
-    #[arg(long, value_name = "EFFECT", value_delimiter = ',')]
+    #[arg(long, value_name = "EFFECT", value_delimiter = ',', conflicts_with_all = ["effects", "costs"])]
     without: Vec<String>,
     /// Effects to add to those of the domain.
-    #[arg(long, value_name = "EFFECT", value_delimiter = ',')]
+    #[arg(long, value_name = "EFFECT", value_delimiter = ',', conflicts_with_all = ["effects", "costs"])]
     with: Vec<String>,
     #[command(flatten)]
     set: SetArgs,
@@ -76,23 +76,34 @@ struct Output {
     costs: Option<u32>,
 }
 
+/// What is about many samples means nothing to these.
+const NOT_SET: [&str; 4] = ["recording", "picture", "effects", "costs"];
+/// What is about one sample means nothing to these.
+const NOT_ONE: [&str; 3] = ["set", "effects", "costs"];
+
+/// A way to look, deg.
+fn facing(text: &str) -> Result<f32, String> {
+    let whole_turn = -180.0..=180.0;
+    text.parse().ok().filter(|deg| whole_turn.contains(deg)).ok_or("give -180 to 180 degrees".to_owned())
+}
+
 #[derive(Debug, Args)]
 #[command(next_help_heading = "Data set")]
 struct SetArgs {
     /// Samples.
-    #[arg(long, default_value_t = PAPER_SAMPLES, value_parser = clap::value_parser!(u32).range(1..=10_000_000))]
+    #[arg(long, default_value_t = PAPER_SAMPLES, value_parser = clap::value_parser!(u32).range(1..=200_000), conflicts_with_all = NOT_SET)]
     count: u32,
     /// Which categories take turns.
-    #[arg(long, value_enum, default_value_t = CategoriesName::Seen)]
+    #[arg(long, value_enum, default_value_t = CategoriesName::Seen, conflicts_with_all = NOT_SET)]
     categories: CategoriesName,
     /// Share of samples without an interaction, 0 to 1.
-    #[arg(long, value_name = "SHARE", default_value_t = 0.0)]
+    #[arg(long, value_name = "SHARE", default_value_t = 0.0, conflicts_with_all = NOT_SET)]
     nothing: f64,
     /// Replace objects where the action would be the same (the paper's algorithm 1).
-    #[arg(long)]
+    #[arg(long, conflicts_with_all = NOT_SET)]
     expand: bool,
     /// Threads; by default one for each core.
-    #[arg(long)]
+    #[arg(long, conflicts_with_all = NOT_SET)]
     workers: Option<usize>,
 }
 
@@ -101,19 +112,19 @@ struct SetArgs {
 struct OneArgs {
     /// What is done: "pick up", "put down", "open", "close", "wipe", "sit down", "stand up" or "nothing"; by default
     /// what --labelled says, else "pick up".
-    #[arg(long)]
+    #[arg(long, conflicts_with_all = NOT_ONE)]
     action: Option<String>,
     /// To what; by default the first object that the action is known with.
-    #[arg(long)]
+    #[arg(long, conflicts_with_all = NOT_ONE)]
     object: Option<String>,
     /// Who, by name in the scene; drawn if not given.
-    #[arg(long)]
+    #[arg(long, conflicts_with_all = NOT_ONE)]
     person: Option<String>,
     /// Where, counted from 1 in the scene; drawn if not given.
-    #[arg(long, value_name = "NUMBER")]
+    #[arg(long, value_name = "NUMBER", conflicts_with_all = NOT_ONE)]
     place: Option<usize>,
     /// Where they look, deg; 0 is towards the radar, growing to their left. Drawn if not given.
-    #[arg(long, value_name = "DEG", allow_negative_numbers = true)]
+    #[arg(long, value_name = "DEG", allow_negative_numbers = true, value_parser = facing, conflicts_with_all = NOT_ONE)]
     facing: Option<f32>,
 }
 
@@ -214,13 +225,12 @@ impl Simulate {
             ([], DomainName::Site) => vec!["working-space", "storage-room", "kitchen"],
             (given, _) => given.iter().map(String::as_str).collect(),
         };
-        let profile = self.profile.load(None)?;
         let load = |source: &str| -> anyhow::Result<Scene> {
             let scene = Scene::load(source)?;
-            let Some(profile) = &profile else { return Ok(scene) };
+            let Some(profile) = self.profile.change(&scene.radar.profile)? else { return Ok(scene) };
             let (name, places) = (scene.name.clone(), scene.places.len());
             let scene = scene
-                .with_profile(profile)
+                .with_profile(&profile)
                 .with_context(|| format!("the profile cannot see the scene {name}"))?;
             if scene.places.len() < places {
                 let depth_m = scene.radar.depth_m;
@@ -264,6 +274,7 @@ impl Simulate {
 
     /// The sample that the command line asks for, in its scene.
     fn one(&self) -> anyhow::Result<(Scene, Draw)> {
+        ensure!(self.scene.len() <= 1, "one sample is in one scene: give --scene once");
         let mut scene = self.scenes()?.swap_remove(0);
         let OneArgs { person, place, facing, .. } = &self.one;
         if let Some(name) = person {

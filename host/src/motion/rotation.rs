@@ -22,7 +22,7 @@ pub(super) fn axis(letter: char) -> Option<usize> {
 
 /// Rotation by `angle` radians about an axis, counterclockwise seen from its positive end.
 pub(super) fn about(axis: usize, angle: f64) -> Matrix {
-    let (sin, cos) = angle.sin_cos();
+    let (sin, cos) = libm::sincos(angle);
     let (next, last) = ((axis + 1) % 3, (axis + 2) % 3);
     let mut matrix = IDENTITY;
     matrix[next][next] = cos;

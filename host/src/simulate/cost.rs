@@ -17,6 +17,17 @@ use crate::phase::{Settings, analyse};
 /// Cells of a map that count as echoes lie this much over its median, dB.
 const ECHO_DB: f32 = 10.0;
 
+/// Why there is no table.
+#[derive(Debug, thiserror::Error)]
+pub enum CostError {
+    /// A sample.
+    #[error(transparent)]
+    Sample(#[from] SampleError),
+    /// The user stopped it.
+    #[error("stopped; nothing was measured to its end")]
+    Interrupted,
+}
+
 /// What came of throwing one switch.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Cost {
@@ -37,16 +48,16 @@ pub struct Cost {
 }
 
 /// Measures all switches on `samples` samples in `scenes`; the first row is `train` itself. `progress` is told the share that
-/// is done, 0 to 1, and says whether to go on; if not, what was measured so far is returned.
+/// is done, 0 to 1, and says whether to go on.
 ///
 /// # Errors
-/// If a sample cannot be made.
+/// If a sample cannot be made, or the user stopped it.
 pub fn measure(
     scenes: &[Scene],
     seed: u64,
     samples: u32,
     progress: &mut dyn FnMut(f64) -> bool,
-) -> Result<Vec<Cost>, SampleError> {
+) -> Result<Vec<Cost>, CostError> {
     let domain = Domain::Train;
     let categories = &crate::hoi::CATEGORIES;
     // Places of `site`, as the rooms' effects are about them.
@@ -66,13 +77,14 @@ pub fn measure(
         .chain([("site", true, Effects::of(Domain::Site))])
         .collect();
     for (i, &(effect, on, effects)) in variants.iter().enumerate() {
-        if !progress(i as f64 / variants.len() as f64) {
-            break;
-        }
         let mut without = Maker::new(domain, seed, base, scenes)?;
         let mut with = Maker::new(domain, seed, effects, scenes)?;
         let (mut times, mut change) = ([Duration::ZERO; 2], Change::default());
-        for draw in &draws {
+        for (done, draw) in draws.iter().enumerate() {
+            let share = (i as f64 + done as f64 / draws.len() as f64) / variants.len() as f64;
+            if !progress(share) {
+                return Err(CostError::Interrupted);
+            }
             let plain = timed(&mut without, draw, &mut times[0])?;
             let changed = timed(&mut with, draw, &mut times[1])?;
             change.add(&plain, &changed);

@@ -1,6 +1,6 @@
 //! What each sample of a data set is about, drawn from a seed.
 //!
-//! Categories take turns and so come out even; who, where, and which things lie about is drawn for each sample from a stream of
+//! Categories take turns, in an order drawn anew each time, and so come out even; who, where, and which things lie about is drawn for each sample from a stream of
 //! its own, so that a sample is the same whichever others are made.
 
 use glam::Vec2;
@@ -15,6 +15,8 @@ use crate::hoi::{CATEGORIES, Category, Object};
 
 /// Distances from the radar at which people act in `train`, m (section 4.2 of the paper).
 const DISTANCE_M: core::ops::Range<f32> = 1.0..3.0;
+/// Between a person's middle and the end of what the radar sees, m: their back is not past it.
+const BODY_M: f32 = 0.05;
 /// Bearings to either side, deg.
 const BEARING_DEG: f32 = 45.0;
 /// Directions in which people look, deg; 0 is towards the radar.
@@ -69,6 +71,8 @@ pub struct Draw {
 pub enum Purpose {
     /// Who, where, with what.
     Draw,
+    /// In which order categories take turns.
+    Labels,
     /// How they move.
     Motion,
     /// Noise of the radar.
@@ -86,18 +90,29 @@ pub fn stream(domain: Domain, seed: u64, sample: u32, purpose: Purpose) -> ChaCh
 
 /// All labels, in the order of the samples.
 fn labels(wanted: &Wanted<'_>) -> Vec<Option<Category>> {
-    let nothing = (f64::from(wanted.samples) * wanted.nothing).round() as usize;
-    let mut labels = vec![None; nothing.min(wanted.samples as usize)];
-    let rest = wanted.samples as usize - labels.len();
-    labels.extend(wanted.categories.iter().copied().map(Some).cycle().take(rest));
-    labels.shuffle(&mut stream(wanted.domain, wanted.seed, u32::MAX, Purpose::Draw));
+    let (mut labels, mut block) = (Vec::new(), Vec::new());
+    let mut interactions = 0;
+    for sample in 0..wanted.samples {
+        // As many are nothing as are due by now.
+        let due = |samples: u32| (f64::from(samples) * wanted.nothing).round() as u32;
+        if due(sample + 1) > due(sample) || wanted.categories.is_empty() {
+            labels.push(None);
+            continue;
+        }
+        if block.is_empty() {
+            block = wanted.categories.to_vec();
+            block.shuffle(&mut stream(wanted.domain, wanted.seed, interactions, Purpose::Labels));
+        }
+        labels.push(block.pop());
+        interactions += 1;
+    }
     labels
 }
 
 /// Draws all samples.
 ///
 /// # Panics
-/// If there are no scenes, or one of them lacks people, places or a tag for an object.
+/// If there are no scenes, or one of them lacks people or places.
 pub fn draw(wanted: &Wanted<'_>, scenes: &[Scene]) -> Vec<Draw> {
     let labels = labels(wanted);
     (0..).zip(labels).map(|(sample, label)| one(wanted, scenes, sample, label)).collect()
@@ -114,7 +129,8 @@ fn one(wanted: &Wanted<'_>, scenes: &[Scene], sample: u32, performed: Option<Cat
             || CATEGORIES.iter().any(|c| c.object == *object)
             || wanted.categories.iter().any(|c| c.object == *object)
     };
-    let mut others: Vec<Object> = Object::ALL.iter().copied().filter(known).collect();
+    let tagged = |object: &Object| scenes[scene].tags.iter().any(|t| t.object == *object);
+    let mut others: Vec<Object> = Object::ALL.iter().copied().filter(known).filter(tagged).collect();
     others.retain(|o| performed.is_none_or(|p| p.object != *o));
     others.shuffle(rng);
     let mut objects: Vec<Object> =
@@ -123,7 +139,8 @@ fn one(wanted: &Wanted<'_>, scenes: &[Scene], sample: u32, performed: Option<Cat
     let target = performed.and_then(|p| objects.iter().position(|o| *o == p.object));
     let label = match (performed, target) {
         (Some(performed), Some(target)) if wanted.expand && performed.action.is_object_agnostic() => {
-            let carried: Vec<Object> = Object::ALL.iter().copied().filter(|o| o.is_carried()).collect();
+            let carried: Vec<Object> =
+                Object::ALL.iter().copied().filter(|o| o.is_carried() && tagged(o)).collect();
             let new = carried.choose(rng).copied().unwrap_or(performed.object);
             // One of each kind: the other one of that name takes the old name.
             if let Some(other) = objects.iter().position(|o| *o == new) {
@@ -157,11 +174,12 @@ fn stand(domain: Domain, scene: &Scene, rng: &mut ChaCha8Rng) -> Place {
     let facing = |rng: &mut ChaCha8Rng| FACING_DEG.choose(rng).copied().unwrap_or(0.0).to_radians();
     match domain {
         Domain::Train => {
-            let distance_m = rng.random_range(DISTANCE_M);
-            let bearing = rng.random_range(-BEARING_DEG..BEARING_DEG).to_radians();
-            let ahead = glam::Vec3::new(libm::sinf(bearing), libm::cosf(bearing), 0.0) * distance_m;
-            let position = scene.radar.position + scene.radar.axes().transpose() * ahead;
-            Place { position: position.truncate(), facing_rad: facing(rng) }
+            // A coarse profile may see less far than the paper's people were.
+            let farthest = (scene.radar.depth_m - BODY_M).clamp(DISTANCE_M.start + BODY_M, DISTANCE_M.end);
+            let distance_m = rng.random_range(DISTANCE_M.start..farthest);
+            let bearing = scene.radar.yaw_rad + rng.random_range(-BEARING_DEG..BEARING_DEG).to_radians();
+            let way = Vec2::new(libm::sinf(bearing), libm::cosf(bearing)) * distance_m;
+            Place { position: scene.radar.position.truncate() + way, facing_rad: facing(rng) }
         }
         Domain::Site => {
             let place = scene.places[rng.random_range(0..scene.places.len())];
@@ -175,11 +193,10 @@ fn stand(domain: Domain, scene: &Scene, rng: &mut ChaCha8Rng) -> Place {
 impl Draw {
     /// Moves the person to `position`, x and y in `scene`, m; they look as before.
     pub fn move_to(&mut self, position: Vec2, scene: &Scene) {
-        let radar = &scene.radar;
-        let seen = radar.axes() * (position.extend(radar.position.z) - radar.position);
+        let way = position - scene.radar.position.truncate();
         self.place = position;
-        self.distance_m = seen.truncate().length();
-        self.bearing_deg = libm::atan2f(seen.x, seen.y).to_degrees();
+        self.distance_m = way.length();
+        self.bearing_deg = (libm::atan2f(way.x, way.y) - scene.radar.yaw_rad).to_degrees();
     }
 
     /// Where the person stands and looks.
@@ -234,6 +251,8 @@ mod tests {
     #[test]
     fn a_sample_does_not_depend_on_how_many_there_are_but_on_seed_and_domain() {
         let site = draw(&wanted(Domain::Site), &scenes());
+        let fewer = draw(&Wanted { samples: 45, nothing: 0.0, ..wanted(Domain::Site) }, &scenes());
+        assert_eq!(fewer, site[..45]);
         assert_eq!(site, draw(&wanted(Domain::Site), &scenes()));
         assert_ne!(site, draw(&Wanted { seed: 8, ..wanted(Domain::Site) }, &scenes()));
         assert_ne!(site[0].objects, draw(&wanted(Domain::Train), &scenes())[0].objects);

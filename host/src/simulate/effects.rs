@@ -60,7 +60,7 @@ effects! {
     thermal_noise: true,
     /// Radar: jitter of the chirps' frequency.
     phase_noise: false,
-    /// Radar: the ADC rounds and clips.
+    /// Radar: rounding of the ADC, as noise; recordings are words whatever this says.
     quantisation: false,
     /// RFID: the tag rides on its object; else the hand stands for the object that it moves.
     tag_positions: false,

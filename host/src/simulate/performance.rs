@@ -38,6 +38,12 @@ pub trait Performance: Send + Sync {
     /// Where tag number `tag` is at `time_s`.
     fn tag(&self, tag: usize, time_s: f64) -> Vec3;
 
+    /// Where tag number `tag` would be if the hand stood for the object that it moves, and all else were at rest: the paper's
+    /// recipe (section 3.4). Without a hand that is known, where it is.
+    fn proxy(&self, tag: usize, time_s: f64) -> Vec3 {
+        self.tag(tag, time_s)
+    }
+
     /// Writes what stands in the way of tags at `time_s` to `blockers`, which is cleared first: the body, limb by limb, and
     /// the hands.
     fn blockers(&self, time_s: f64, blockers: &mut Vec<Capsule>);

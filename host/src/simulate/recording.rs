@@ -23,6 +23,7 @@ use rfhoi_shared::units::{CentiDbm, Kilohertz, ReaderTime};
 use super::radar::{Radar, RadarError};
 use super::rfid::report::access_report;
 use super::sample::{Take, epoch};
+use super::scene;
 use crate::datagrams::{Cutter, Datagram};
 use crate::recording::{BRIDGE_IP, RADAR_IP, READER_IP, Writer, WriterError};
 
@@ -59,6 +60,12 @@ pub struct Summary {
 
 /// UTC of the reader at the recording's start, us: 1 January 2026.
 const READER_EPOCH: ReaderTime = ReaderTime(1_767_225_600_000_000);
+/// Requests of the client until the reader reads.
+const REQUESTS: u32 = 7;
+/// From message to message meanwhile, us.
+const PAUSE_US: u64 = 2_000;
+/// When the reader begins to read, us.
+const STARTED_US: u64 = (REQUESTS as u64 * 2 + 1) * PAUSE_US;
 /// From singulation to the network, us.
 const REPORT_DELAY_US: u64 = 700;
 
@@ -80,22 +87,23 @@ pub fn record(
     let mut writer = Writer::create(path)?;
     let (reads, channels) = take.reads(reader_rng);
     let mut reader = Reader::new(&reads);
-    reader.connect(&channels, take.tags.len() as u8, take.scene.reader.antennas.len() as u8, &mut writer)?;
+    reader.connect(&channels, take.tags.len() as u8, &take.scene.reader, &mut writer)?;
     let mut chirp = vec![0; profile.chirp_bytes() as usize];
     let mut cutter = Cutter::default();
     let mut datagrams = 0;
-    let frames = (take.performance.duration_s() * 1e6 / f64::from(profile.frame_period_us)).ceil() as u32;
+    let times = take.frame_times(&profile);
+    let frames = times.len() as u32;
     let [from, to] = [RADAR_IP, BRIDGE_IP].map(|ip| SocketAddrV4::new(ip, dca1000::DATA_PORT));
     let mut send = |writer: &mut Writer, time_us, datagram: &Datagram| {
         datagrams += 1;
         writer.udp(time_us, from, to, &datagram.bytes)
     };
-    for frame in 0..frames {
+    for (frame, time_s) in (0_u32..).zip(times) {
         if !progress(f64::from(frame) / f64::from(frames)) {
             return Err(RecordError::Interrupted);
         }
         let sample_us = u64::from(frame) * u64::from(profile.frame_period_us);
-        radar.look(take.performance, sample_us as f64 * 1e-6);
+        radar.look(take.performance, time_s);
         for index in 0..profile.chirps_per_frame() {
             radar.chirp(index, &mut chirp);
             let end_us = u64::from(index + 1) * profile.chirp_period_ns() / 1_000;
@@ -128,7 +136,7 @@ impl<'a> Reader<'a> {
         Self {
             reader: SocketAddrV4::new(READER_IP, LLRP_PORT),
             client: SocketAddrV4::new(BRIDGE_IP, 49_152),
-            reads: reads.iter(),
+            reads: reads[reads.partition_point(|r| r.time.0 < STARTED_US)..].iter(),
             reports: 0,
         }
     }
@@ -138,14 +146,12 @@ impl<'a> Reader<'a> {
         &self,
         channels: &[Kilohertz],
         tags: u8,
-        reader_antennas: u8,
+        reader: &scene::Reader,
         writer: &mut Writer,
     ) -> Result<(), RecordError> {
-        /// From message to message, us.
-        const PAUSE_US: u64 = 2_000;
-        let powers = [CentiDbm(1_000), CentiDbm(3_000)];
+        let powers = [CentiDbm((reader.power_dbm * 100.0) as i16)];
         let model = ReaderModel {
-            antennas: 4,
+            antennas: reader.antennas.len() as u16,
             model: [IMPINJ, 2_001_002],
             firmware: "simulated",
             powers: &powers,
@@ -157,7 +163,7 @@ impl<'a> Reader<'a> {
         let hello = responder.greeting(&mut answer, READER_EPOCH, ConnectionAttempt::Success)?;
         writer.tcp(0, self.reader, self.client, hello)?;
 
-        let scene = Needs { tags, reader_antennas, ..Needs::default() };
+        let scene = Needs { tags, reader_antennas: reader.antennas.len() as u8, ..Needs::default() };
         let config = ReaderConfig::for_scene(READER_IP.octets(), &scene);
         let settings = ReaderSettings {
             keepalive_ms: Some(config.keepalive_ms),
@@ -167,7 +173,7 @@ impl<'a> Reader<'a> {
         let channel = TransmitChannel { hop_table: 1, channel: 0 };
         let mut framer = Framer::<2048>::new();
         let mut buffer = [0; MAX_REQUEST_BYTES];
-        for step in 1..=7u32 {
+        for step in 1..=REQUESTS {
             let b = &mut buffer;
             let bytes = match step {
                 1 => request::enable_extensions(b, step),

@@ -56,7 +56,7 @@ pub enum SampleError {
 pub struct Sample {
     /// Length, s.
     pub duration_s: f64,
-    /// When the object is in somebody's hand, moves on its hinge or is sat on, s; empty without a label.
+    /// From the person's first movement to the last, s; 0 to 0 without a label.
     pub interaction_s: Range<f64>,
     /// Maps, one for each frame period from 0 s on.
     pub frames: Vec<FrameMaps>,
@@ -136,8 +136,6 @@ pub struct Take<'a> {
     pub fixtures: Option<(&'a Surface, &'a [Vec3])>,
     /// The tags, one for each of the performance.
     pub tags: &'a [Tag],
-    /// The performance as the paper's recipe has it (section 3.4), without [`Effects::tag_positions`].
-    pub proxy: Option<&'a Generated>,
     /// What is simulated.
     pub effects: Effects,
 }
@@ -146,14 +144,14 @@ impl<'a> Take<'a> {
     /// Of a generated performance.
     pub fn of(scene: &'a Scene, performance: &'a Generated, tags: &'a [Tag], effects: Effects) -> Self {
         let fixtures = Some(performance.fixtures());
-        Self { scene, performance, fixtures, tags, proxy: Some(performance), effects }
+        Self { scene, performance, fixtures, tags, effects }
     }
 
     /// When the frames of a radar with this profile begin, s: the first with the sample, the last before its end.
     pub fn frame_times(&self, profile: &RadarProfile) -> impl ExactSizeIterator<Item = f64> + use<> {
-        let period_s = f64::from(profile.frame_period().0);
-        let count = (self.performance.duration_s() / period_s).ceil() as usize;
-        (0..count).map(move |frame| frame as f64 * period_s)
+        let period_us = f64::from(profile.frame_period_us);
+        let count = (self.performance.duration_s() * 1e6 / period_us).ceil() as usize;
+        (0..count).map(move |frame| frame as f64 * period_us * 1e-6)
     }
 
     /// All reads, from the lead-in on, and the frequency of channel 1, 2, ...
@@ -163,10 +161,9 @@ impl<'a> Take<'a> {
         let Self { scene, performance, tags, effects, .. } = *self;
         let session = ReaderSession::draw(scene.reader.antennas.len(), tags.len(), &effects, rng);
         let epoch = epoch(&effects);
-        let proxy = self.proxy.filter(|_| !effects.tag_positions);
-        let position = |tag: usize, time_s: f64| match proxy {
-            Some(generated) => generated.proxy(tag, time_s),
-            None => performance.tag(tag, time_s),
+        let position = |tag: usize, time_s: f64| match effects.tag_positions {
+            true => performance.tag(tag, time_s),
+            false => performance.proxy(tag, time_s),
         };
         let situation = Situation { scene, performance, position: &position, tags, effects };
         let options = ReadOptions::between(-epoch.seconds(), performance.duration_s(), epoch);
@@ -225,7 +222,7 @@ impl<'a> Maker<'a> {
         let config = radar.config();
         Ok(Sample {
             duration_s: performance.duration_s(),
-            interaction_s: performance.interaction_s(),
+            interaction_s: draw.performed.map_or(0.0..0.0, |_| performance.interaction_s()),
             frames,
             reads,
             epcs: tags.into_iter().map(|tag| tag.epc).collect(),

@@ -20,7 +20,7 @@
 //! | `read_rssi`, `read_doppler` | R, i16 | hundredths of a dBm; sixteenths of a hertz |
 //! | `channel_khz` | S x channels, u32 | frequency of channel 1, 2, ... |
 //! | `duration_s` | S, f32 | length |
-//! | `interaction_s` | S x 2, f32 | when the object is in somebody's hands; 0, 0 without a label |
+//! | `interaction_s` | S x 2, f32 | from the person's first movement to the last; 0, 0 without a label |
 //! | `action`, `target` | S, i8 | number of the action ([`Action`]) and of the target's tag; -1 is none |
 //! | `objects` | S x T, u8 | number of each tag's [`Object`], by label |
 //!
@@ -110,6 +110,9 @@ pub enum SetError {
     /// The folder's manifest is none.
     #[error("{0} is no manifest of a data set: choose another folder or remove it")]
     NoManifest(PathBuf),
+    /// Samples of one shard have different shapes.
+    #[error("the samples of a shard do not fit together: {0}")]
+    Array(ndarray::ShapeError),
     /// The user stopped it.
     #[error("stopped; the shards that are complete stay, the same command goes on from there")]
     Interrupted,
@@ -142,6 +145,12 @@ pub fn write(
 ) -> Result<Summary, SetError> {
     let Options { wanted, scenes, .. } = options;
     same_shapes(scenes)?;
+    for (scene, category) in scenes.iter().flat_map(|s| wanted.categories.iter().map(move |c| (s, c))) {
+        if !scene.tags.iter().any(|t| t.object == category.object) {
+            let object = category.object;
+            return Err(SampleError::NoTag { scene: scene.name.clone(), object }.into());
+        }
+    }
     let draws = draw(wanted, scenes);
     let mut manifest = manifest(options, &draws);
     std::fs::create_dir_all(folder)
@@ -149,9 +158,9 @@ pub fn write(
     let path = folder.join(MANIFEST);
     if path.is_file() {
         compare(folder, &path, &manifest)?;
-    } else {
-        atomic::write(&path, &text(&manifest))?;
     }
+    // Until all shards are there it is not complete, also where one was taken away.
+    atomic::write(&path, &text(&manifest))?;
     let shards: Vec<(u32, &[Draw])> = (0..).zip(draws.chunks(SHARD_SAMPLES as usize)).collect();
     let missing: Vec<_> = shards.iter().filter(|(n, _)| !folder.join(shard_name(*n)).is_file()).collect();
     make(folder, options, &missing, progress)?;
@@ -237,6 +246,7 @@ fn manifest(options: &Options<'_>, draws: &[Draw]) -> Value {
     let described = scenes.iter().map(|scene| {
         json!({
             "name": scene.name,
+            "fingerprint": format!("{:08x}", fingerprint(scene)),
             "people": scene.people.iter().map(|p| json!({
                 "name": p.name, "height_m": p.height_m, "build": p.build,
             })).collect::<Vec<_>>(),
@@ -300,18 +310,38 @@ fn compare(folder: &Path, path: &Path, wanted: &Value) -> Result<(), SetError> {
     match differs {
         None => Ok(()),
         Some(key) => {
-            let short = |v: Option<&Value>| {
-                let text = v.map_or("missing".to_owned(), Value::to_string);
-                if text.len() > 60 { "a long list".to_owned() } else { text }
-            };
-            Err(SetError::Other {
-                folder: folder.to_path_buf(),
-                key: key.clone(),
-                there: short(there.get(key)),
-                wanted: short(wanted.get(key)),
-            })
+            let (key, there, wanted) = first_difference(key.clone(), there.get(key), wanted.get(key));
+            Err(SetError::Other { folder: folder.to_path_buf(), key, there, wanted })
         }
     }
+}
+
+/// The path of the first value below `key` that differs, and both values.
+fn first_difference(key: String, there: Option<&Value>, wanted: Option<&Value>) -> (String, String, String) {
+    let inner = match (there, wanted) {
+        (Some(Value::Object(a)), Some(Value::Object(b))) => {
+            let keys = a.keys().chain(b.keys());
+            keys.map(|k| (format!("{key}.{k}"), a.get(k), b.get(k))).find(|(_, a, b)| a != b)
+        }
+        (Some(Value::Array(a)), Some(Value::Array(b))) => {
+            let longest = 0..a.len().max(b.len());
+            longest.map(|i| (format!("{key}[{i}]"), a.get(i), b.get(i))).find(|(_, a, b)| a != b)
+        }
+        _ => None,
+    };
+    match inner {
+        Some((key, there, wanted)) => first_difference(key, there, wanted),
+        None => {
+            let text = |v: Option<&Value>| v.map_or("missing".to_owned(), Value::to_string);
+            (key, text(there), text(wanted))
+        }
+    }
+}
+
+/// Of all that a scene holds: FNV-1a of its fields as they are printed.
+fn fingerprint(scene: &Scene) -> u32 {
+    let fields = format!("{scene:?}");
+    fields.bytes().fold(0x811c_9dc5, |hash, b| (hash ^ u32::from(b)).wrapping_mul(0x0100_0193))
 }
 
 /// Writes one shard.
@@ -330,7 +360,7 @@ fn write_shard(path: &Path, draws: &[Draw], samples: &[Sample], epoch: BridgeTim
     let stack = |width: usize, map: fn(&super::radar::FrameMaps) -> &[u8]| {
         let bytes: Vec<u8> = frames().flat_map(|f| map(f).iter().copied()).collect();
         let bins = bytes.len() / (count * width).max(1);
-        Array3::from_shape_vec((count, bins, width), bytes).unwrap_or_default()
+        Array3::from_shape_vec((count, bins, width), bytes).map_err(SetError::Array)
     };
     let loops = samples.first().map_or(1, |s| s.loops);
     let columns = samples.first().map_or(1, |s| s.columns);
@@ -352,11 +382,14 @@ fn write_shard(path: &Path, draws: &[Draw], samples: &[Sample], epoch: BridgeTim
     Npz::create(path)?
         .array("frame_first", &firsts(samples.iter().map(|s| s.frames.len())))?
         .array("read_first", &firsts(samples.iter().map(|s| s.reads.len())))?
-        .array("range_doppler", &stack(loops, |f| &f.range_doppler))?
-        .array("range_time", &stack(columns, |f| &f.range_time))?
-        .array("covariance", &two(count, covariance))?
+        .array("range_doppler", &stack(loops, |f| &f.range_doppler)?)?
+        .array("range_time", &stack(columns, |f| &f.range_time)?)?
+        .array("covariance", &two(count, covariance)?)?
         .array("moving_cells", &frames().map(|f| f.moving_cells).collect::<Array1<u32>>())?
-        .array("tag_position_m", &Array3::from_shape_vec((count, SAMPLE_TAGS, 3), tags).unwrap_or_default())?
+        .array(
+            "tag_position_m",
+            &Array3::from_shape_vec((count, SAMPLE_TAGS, 3), tags).map_err(SetError::Array)?,
+        )?
         .array("read_time_us", &reads().map(|(_, r)| time(r.time)).collect::<Array1<i32>>())?
         .array("read_tag", &tag.collect::<Array1<u8>>())?
         .array("read_antenna", &reads().map(|(_, r)| r.antenna.0 as u8).collect::<Array1<u8>>())?
@@ -364,23 +397,29 @@ fn write_shard(path: &Path, draws: &[Draw], samples: &[Sample], epoch: BridgeTim
         .array("read_phase", &reads().map(|(_, r)| r.phase.map_or(0, |p| p.0)).collect::<Array1<u16>>())?
         .array("read_rssi", &reads().map(|(_, r)| r.rssi.0).collect::<Array1<i16>>())?
         .array("read_doppler", &reads().map(|(_, r)| r.doppler.map_or(0, |d| d.0)).collect::<Array1<i16>>())?
-        .array("channel_khz", &Array2::from_shape_vec((samples.len(), channels), khz).unwrap_or_default())?
+        .array(
+            "channel_khz",
+            &Array2::from_shape_vec((samples.len(), channels), khz).map_err(SetError::Array)?,
+        )?
         .array("duration_s", &samples.iter().map(|s| s.duration_s as f32).collect::<Array1<f32>>())?
-        .array("interaction_s", &two(samples.len(), interactions.collect()))?
+        .array("interaction_s", &two(samples.len(), interactions.collect())?)?
         .array(
             "action",
             &draws.iter().map(|d| number(d.label.map(|l| l.action.index()))).collect::<Array1<i8>>(),
         )?
         .array("target", &draws.iter().map(|d| number(d.target)).collect::<Array1<i8>>())?
-        .array("objects", &Array2::from_shape_vec((draws.len(), SAMPLE_TAGS), objects).unwrap_or_default())?
+        .array(
+            "objects",
+            &Array2::from_shape_vec((draws.len(), SAMPLE_TAGS), objects).map_err(SetError::Array)?,
+        )?
         .finish()?;
     Ok(())
 }
 
 /// Rows of equal length.
-fn two(rows: usize, values: Vec<f32>) -> Array2<f32> {
+fn two(rows: usize, values: Vec<f32>) -> Result<Array2<f32>, SetError> {
     let width = values.len() / rows.max(1);
-    Array2::from_shape_vec((rows, width), values).unwrap_or_default()
+    Array2::from_shape_vec((rows, width), values).map_err(SetError::Array)
 }
 
 #[cfg(test)]

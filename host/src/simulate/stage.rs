@@ -3,6 +3,8 @@
 //! Positions are computed once, on an even grid of 10 ms, and interpolated by cubics (Catmull-Rom) between: for motions of
 //! people that is exact to some micrometres, and the radios may ask as often as they like.
 
+use std::ops::Range;
+
 use glam::{Quat, Vec3};
 
 use super::body::{Body, Joint, Joints};
@@ -159,6 +161,12 @@ pub(crate) fn catmull_rom(u: f32) -> [f32; 4] {
 pub(crate) trait Staged: Send + Sync {
     /// The stage.
     fn stage(&self) -> &Stage;
+
+    /// The hand that acts.
+    fn hand_joint(&self) -> Joint;
+
+    /// Number of the tag that a hand moves, and when, s.
+    fn moved_s(&self) -> Option<&(usize, Range<f64>)>;
 }
 
 impl<T: Staged> Performance for T {
@@ -190,6 +198,15 @@ impl<T: Staged> Performance for T {
         match stage.tags[tag] {
             Mount::Still(place) => place,
             Mount::Thing(local) => stage.pose(time_s).map_or(local, |pose| pose.point(local)),
+        }
+    }
+
+    fn proxy(&self, tag: usize, time_s: f64) -> Vec3 {
+        match self.moved_s() {
+            Some((moved, moved_s)) if *moved == tag => {
+                self.stage().joint(self.hand_joint(), time_s.clamp(moved_s.start, moved_s.end))
+            }
+            _ => self.tag(tag, 0.0),
         }
     }
 

@@ -160,7 +160,6 @@ impl Acted {
             performance,
             fixtures: None,
             tags: &self.tags,
-            proxy: None,
             effects,
         };
         match &self.what {

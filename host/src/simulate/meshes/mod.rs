@@ -237,6 +237,10 @@ impl MeshSequence {
 }
 
 impl Performance for MeshSequence {
+    fn proxy(&self, tag: usize, time_s: f64) -> Vec3 {
+        self.hand(time_s).unwrap_or_else(|| self.tag(tag, time_s))
+    }
+
     fn duration_s(&self) -> f64 {
         (self.frames.len() - 1) as f64 / self.frames_per_second
     }

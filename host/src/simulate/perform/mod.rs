@@ -16,7 +16,7 @@ mod stroke;
 mod tests;
 mod workplace;
 
-use std::ops::Range;
+use std::ops::{Range, RangeInclusive};
 
 use glam::{Quat, Vec3};
 use rand::RngExt;
@@ -26,7 +26,7 @@ pub use self::manner::Manner;
 use self::planner::Planner;
 use self::workplace::Workplace;
 use super::Surface;
-use super::body::{Body, Joints, Side};
+use super::body::{Body, Joint, Joints, Side};
 use super::scene::{Person, Place};
 use super::shape::Solid;
 use super::stage::{Instant, Mount, Pose, Stage, Staged};
@@ -36,9 +36,9 @@ use crate::hoi::{CATEGORIES, Category, Object, UNSEEN};
 /// Shortest sample, s: the paper's.
 pub const SHORTEST_S: f64 = 2.4;
 /// Heights of people that can be simulated, m.
-pub const HEIGHTS_M: Range<f32> = 1.4..2.1;
+pub const HEIGHTS_M: RangeInclusive<f32> = 1.4..=2.1;
 /// Girths of people that can be simulated.
-pub const BUILDS: Range<f32> = 0.7..1.5;
+pub const BUILDS: RangeInclusive<f32> = 0.7..=1.5;
 
 /// What is to be performed.
 #[derive(Debug, Clone)]
@@ -181,15 +181,6 @@ impl Generated {
         self.contact
     }
 
-    /// Where tag number `tag` would be if the hand stood for the object that it moves, and all else were at rest (the paper's
-    /// section 3.4).
-    pub fn proxy(&self, tag: usize, time_s: f64) -> Vec3 {
-        match &self.moved_s {
-            Some((target, moved_s)) if *target == tag => self.hand(time_s.clamp(moved_s.start, moved_s.end)),
-            _ => super::Performance::tag(self, tag, 0.0),
-        }
-    }
-
     /// What stays where it is, triangles and vertices in the room: furniture of the workplace, and things at rest.
     pub fn fixtures(&self) -> (&Surface, &[Vec3]) {
         (&self.fixtures.0, &self.fixtures.1)
@@ -199,6 +190,14 @@ impl Generated {
 impl Staged for Generated {
     fn stage(&self) -> &Stage {
         &self.stage
+    }
+
+    fn hand_joint(&self) -> Joint {
+        self.side.hand()
+    }
+
+    fn moved_s(&self) -> Option<&(usize, Range<f64>)> {
+        self.moved_s.as_ref()
     }
 }
 

@@ -9,7 +9,7 @@ use rfhoi_shared::radar::RadarProfile;
 const TRANSMIT_DBM: f32 = 13.0;
 /// Gain of an antenna on its boresight, dBi, from the same source.
 const ANTENNA_DBI: f32 = 5.0;
-/// Noise figure of a receiver, dB (AWR1843 data sheet, 77 to 81 GHz: 15 typical, 14 measured boards).
+/// Noise figure of a receiver, dB (AWR1843 data sheet, 77 to 81 GHz).
 const NOISE_FIGURE_DB: f32 = 15.0;
 /// Thermal noise in 1 Hz at 290 K, dBm.
 const KT_DBM: f32 = -174.0;

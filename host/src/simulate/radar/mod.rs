@@ -8,7 +8,8 @@
 //! ```
 //!
 //! Phases follow the whole way of each path, quadratic in time over a frame; levels follow the radar equation
-//! (`front_end.rs`). Both forms share paths, geometry and noise, so they differ only by what `kernel.rs` leaves out.
+//! (`front_end.rs`). Both forms share paths, geometry and noise; they differ by what `kernel.rs` leaves out,
+//! and in that samples are words, rounded and clipped, where the other form has rounding as noise and no limit.
 //! Not simulated: interference, specular highlights, second bounces, coupling between transmitter and receiver, echoes
 //! past the profile's range span, which the receiver's filter takes.
 
@@ -24,11 +25,14 @@ mod tests;
 mod view;
 mod way;
 
+use core::f32::consts::SQRT_2;
+
 use glam::{Mat3, Vec3};
 use rand::Rng;
 use rand_chacha::ChaCha8Rng;
 use rfhoi_firmware::simulated::Noise;
 use rfhoi_shared::config::{Processing, RadarConfig, RadarInput};
+use rfhoi_shared::radar::SampleFormat;
 
 use super::effects::Effects;
 use super::scene::Scene;
@@ -198,13 +202,15 @@ impl Radar {
 
     /// The frame in view straight through its range spectra to the maps that the bridge makes.
     pub fn maps(&mut self) -> FrameMaps {
-        let Self { spectrum, chirps, paths, jitter, thermal, front_end, effects, mapper, .. } = self;
+        let Self { spectrum, chirps, paths, jitter, thermal, front_end, effects, mapper, config, .. } = self;
         spectrum.sum(chirps, paths);
         // Of a transform of N samples, a bin has 1/N of their noise; rounding adds that of a word's last bit.
         let rounding = if effects.quantisation { ROUNDING } else { 0.0 };
         let thermal_noise = if effects.thermal_noise { front_end.noise } else { 0.0 };
+        // The bridge doubles real samples, half of whose power is at negative frequencies; their noise has no second part.
+        let real = if config.profile.format == SampleFormat::Real { SQRT_2 } else { 1.0 };
         let deviation =
-            libm::sqrtf((thermal_noise * thermal_noise + rounding * rounding) / chirps.samples as f32);
+            real * libm::sqrtf((thermal_noise * thermal_noise + rounding * rounding) / chirps.samples as f32);
         mapper.frame(|cube| {
             let jitter = effects.phase_noise.then_some(jitter);
             let thermal = (deviation > 0.0).then_some((thermal, deviation));

@@ -5,7 +5,7 @@ use ndarray::Array2;
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use rfhoi_firmware::dsp::{RangeStage, level};
-use rfhoi_shared::radar::RadarProfile;
+use rfhoi_shared::radar::{RadarProfile, SampleFormat};
 use rfhoi_shared::wire::Covariance;
 
 use super::*;
@@ -84,7 +84,11 @@ fn hall(profile: RadarProfile) -> Scene {
 }
 
 fn radar(effects: Effects) -> Radar {
-    let scene = hall(RadarProfile::bridge());
+    radar_of(RadarProfile::bridge(), effects)
+}
+
+fn radar_of(profile: RadarProfile, effects: Effects) -> Radar {
+    let scene = hall(profile);
     let mut radar = Radar::new(&scene, effects).unwrap();
     radar.begin(None, &mut ChaCha8Rng::seed_from_u64(1));
     radar
@@ -217,19 +221,26 @@ fn samples_and_spectrum_agree_over_the_whole_map() {
 #[test]
 fn noise_is_the_same_in_both_forms() {
     let effects = Effects { thermal_noise: true, phase_noise: true, quantisation: true, ..Effects::NONE };
-    let mut radar = radar(effects);
-    radar.look(&Points::new(&[]), 0.0);
     let mean = |map: &Array2<f32>| {
         let power = map.iter().map(|v| 10f32.powf(v / 10.0)).sum::<f32>() / map.len() as f32;
         10.0 * power.log10()
     };
-    let spectrum = mean(&db(&radar.maps(), &radar));
-    let samples = maps_of_samples(&mut radar);
-    let samples = mean(&db(&samples, &radar));
-    assert!((spectrum - samples).abs() < 0.3, "{spectrum} dB and {samples} dB");
-    // Of 2 s^2 a transform of 128 x 64 with two Hann windows keeps (1.5^2) / 8192.
-    let expected = 20.0 * radar.front_end.noise.log10() + 3.01 + 3.52 - 39.13;
-    assert!((spectrum - expected).abs() < 0.4, "{spectrum} dB for {expected} dB");
+    let bridge = RadarProfile::bridge();
+    let real =
+        RadarProfile { format: SampleFormat::Real, samples: 256, sample_rate_ksps: 4_400, ..bridge.clone() };
+    // Of 2 s^2 a transform of N x 64 with two Hann windows keeps 1.5^2 / (64 N); the bridge doubles real samples, of s^2.
+    for (profile, factor_db) in [(bridge, 3.01), (real, 6.02)] {
+        let samples = f32::from(profile.samples);
+        let mut radar = radar_of(profile, effects);
+        radar.look(&Points::new(&[]), 0.0);
+        let spectrum = mean(&db(&radar.maps(), &radar));
+        let words = maps_of_samples(&mut radar);
+        let words = mean(&db(&words, &radar));
+        assert!((spectrum - words).abs() < 0.3, "{spectrum} dB and {words} dB");
+        let expected =
+            20.0 * radar.front_end.noise.log10() + factor_db + 3.52 - 10.0 * (64.0 * samples).log10();
+        assert!((spectrum - expected).abs() < 0.4, "{spectrum} dB for {expected} dB");
+    }
 }
 
 #[test]

@@ -15,7 +15,7 @@ mod smooth;
 #[cfg(test)]
 mod tests;
 
-use std::ops::RangeInclusive;
+use std::ops::{Range, RangeInclusive};
 
 use glam::{Quat, Vec3};
 
@@ -23,7 +23,7 @@ use self::bends::{Bends, bent};
 use super::body::{
     Body, Joint, Joints, Lengths, Side, basis, highest_hip, softly_at_most, stretched, two_bones,
 };
-use super::grasp::Grasp;
+use super::grasp::{GRASP_S, Grasp};
 use super::perform::in_room;
 use super::scene::{Person, Place};
 use super::shape::Solid;
@@ -92,6 +92,7 @@ pub struct Recorded {
     stage: Stage,
     side: Side,
     contact_s: Option<f64>,
+    moved_s: Option<(usize, Range<f64>)>,
 }
 
 impl Recorded {
@@ -128,13 +129,19 @@ impl Recorded {
             };
             Instant { joints: joints.map(|joint| to_room.point(joint)), breath_m: 0.0, thing }
         });
+        let moved_s = match &held {
+            Some(Attached::Carried(_, Grasp { taken_s, left_s, .. })) => {
+                Some((0, taken_s.max(0.0)..(left_s + GRASP_S).min(duration_s)))
+            }
+            _ => None,
+        };
         let contact_s = match held {
             Some(Attached::Carried(_, grasp)) => {
                 [grasp.taken_s, grasp.left_s].into_iter().find(|t| t.is_finite())
             }
             _ => None,
         };
-        Ok(Self { stage, side: recast.side, contact_s })
+        Ok(Self { stage, side: recast.side, contact_s, moved_s })
     }
 
     /// Where the hand that acts is at `time_s`, m.
@@ -156,6 +163,14 @@ impl Recorded {
 impl Staged for Recorded {
     fn stage(&self) -> &Stage {
         &self.stage
+    }
+
+    fn hand_joint(&self) -> Joint {
+        self.side.hand()
+    }
+
+    fn moved_s(&self) -> Option<&(usize, Range<f64>)> {
+        self.moved_s.as_ref()
     }
 }
 

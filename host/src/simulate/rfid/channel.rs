@@ -57,7 +57,8 @@ impl TagTraits {
     }
 }
 
-/// A reader's channels, the phase offsets, and the tags: drawn once for a session, the same in all samples of it.
+/// A reader's channels, the phase offsets, and the tags, as drawn when the reader starts. Samples of a data set each have a
+/// session of their own, so a tag has another loss in each.
 ///
 /// The reader numbers its channels by a hop table in an order of its own, and visits them by rising index, as the R420 of
 /// the recordings does. The phase offset of (channel, antenna, tag) is a reader's part, of (channel, antenna), and a tag's

@@ -102,7 +102,7 @@ impl Furniture {
 
     /// Whether it is between a person at `stand` and what their hands reach at `hands`.
     pub(super) fn is_between(&self, room: &Room, stand: Vec2, hands: Vec2) -> bool {
-        let height = self.centre.z.clamp(room.min.z, HEADROOM_M);
+        let height = self.centre.z.clamp(room.min.z, room.min.z + HEADROOM_M);
         self.is_low(room) && self.entered(stand.extend(height), hands.extend(height)).is_some()
     }
 }

@@ -104,8 +104,8 @@ keys! {
     OFFSET = TAGS "offset_m", numbers(Count::List(3), "m", (-0.3, 0.3), Some(&[0.0, 0.0, 0.0])),
         "[0.0, 0.0, 0.05]", "where on the object: to its right, forward and up from where such a tag usually is";
     PERSON_NAME = PEOPLE "name", Value::Text, "\"P1\"", "what people call them";
-    HEIGHT = PEOPLE "height_m", numbers(Count::One, "m", (1.2, 2.2), None), "1.75", "height";
-    BUILD = PEOPLE "build", numbers(Count::One, "", (0.6, 1.6), Some(&[1.0])), "1.0",
+    HEIGHT = PEOPLE "height_m", numbers(Count::One, "m", (1.4, 2.1), None), "1.75", "height";
+    BUILD = PEOPLE "build", numbers(Count::One, "", (0.7, 1.5), Some(&[1.0])), "1.0",
         "girth relative to an average person of that height";
     PLACE_POSITION = PLACES "position_m", point(2), "[0.0, 2.2]", "where a person stands, x and y";
     FACING = PLACES "facing_deg", numbers(Count::UpTo(16), "degrees", (-180.0, 180.0), LEVEL), "[-45, 0, 45]",

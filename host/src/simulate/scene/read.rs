@@ -120,6 +120,12 @@ fn room(document: &mut Document<'_>, top: &Section<'_>) -> Option<At<Room>> {
                 key.name, key.example
             );
             document.complain(line, sentence);
+        } else if axis == 2 && low != 0.0 {
+            whole = false;
+            document.complain(
+                line,
+                format!("the floor is where z is 0, not {low}: write z_m = [0, {}]", high - low),
+            );
         }
     }
     let reflectivity = document.number(&section, &keys::WALLS)?;

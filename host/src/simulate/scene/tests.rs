@@ -305,12 +305,12 @@ fn tags_and_people_that_cannot_be() {
         (
             "height_m = 1.8",
             "height_m = 180",
-            "scene.toml, line 25: height_m of 180 m is out of bounds: it may be 1.2 to 2.2 m",
+            "scene.toml, line 25: height_m of 180 m is out of bounds: it may be 1.4 to 2.1 m",
         ),
         (
             "height_m = 1.8",
             "height_m = 1.8\nbuild = 2",
-            "scene.toml, line 26: build of 2 is out of bounds: it may be 0.6 to 1.6",
+            "scene.toml, line 26: build of 2 is out of bounds: it may be 0.7 to 1.5",
         ),
         (
             "\"B\"",
