@@ -41,8 +41,8 @@ enum Command {
     Inspect(inspect::Inspect),
     /// Feed a recording through the bridge's logic and over the wire; write pictures and numbers.
     Replay(replay::Replay),
-    /// Make a simulated recording.
-    Simulate(simulate::Simulate),
+    /// Make simulated data: a data set, a recording, or pictures of a sample.
+    Simulate(Box<simulate::Simulate>),
     /// Find, configure and watch bridges in the network.
     Bridge(bridge::Bridge),
     /// Program a board over its debug probe, and follow its log.

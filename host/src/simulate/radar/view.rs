@@ -42,7 +42,7 @@ impl View {
     }
 
     fn triangle(&mut self, corners: [Vec3; 3]) {
-        let [a, b, c] = corners.map(|p| cell(p));
+        let [a, b, c] = corners.map(cell);
         let (low, high) = (a.min(b).min(c), a.max(b).max(c));
         let clamp = |x: f32| x.clamp(0.0, CELLS as f32 - 1.0) as usize;
         if high.x < 0.0 || high.y < 0.0 || low.x >= CELLS as f32 || low.y >= CELLS as f32 {
