@@ -225,7 +225,7 @@ mod tests {
 
     #[test]
     fn maps_paths_and_phases_agree_with_the_scene() {
-        let sample = sample(3, true).unwrap();
+        let sample = sample(5, true).unwrap();
         let target = sample.things.iter().position(|t| t.target).unwrap();
         assert_eq!(sample.things[target].name, "book");
         let (begin_s, end_s) = sample.interaction_s.unwrap();
