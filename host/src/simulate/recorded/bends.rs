@@ -65,13 +65,13 @@ mod tests {
         let mut bends = Bends::default();
         for (n, time_s) in Bends::times(1.0).enumerate() {
             bends.begin_time();
-            // From 0.5 s on it is seen on the other side.
-            let wanted = if time_s < 0.5 { Vec3::X } else { Vec3::NEG_X };
+            // From 0.4 s on it is seen on the other side.
+            let wanted = if time_s < 0.4 { Vec3::X } else { Vec3::NEG_X };
             let now = bends.follow(2, wanted, Vec3::Z);
             assert!(now.is_normalized() && now.z.abs() < 1e-6, "{n}");
         }
         let at = |time_s: f64| bends.at(2, time_s, Vec3::Y, Vec3::Z);
-        assert!(at(0.4).distance(Vec3::X) < 1e-5 && at(1.0).distance(Vec3::NEG_X) < 1e-5);
+        assert!(at(0.3).distance(Vec3::X) < 1e-5 && at(1.0).distance(Vec3::NEG_X) < 1e-5);
         let mut turned = 0.0;
         for n in 0..100 {
             let step = at(f64::from(n) * 0.01).angle_between(at(f64::from(n + 1) * 0.01));

@@ -2,7 +2,7 @@
 //!
 //! Joints of Kinect, of ASF and of common BVH files are found by their names (`joints`), smoothed over time
 //! (`smooth`), and scaled to the body. Hips, ankles and hands are then where they were recorded, knees and elbows
-//! between, and the trunk takes the directions of the recorded bones, all with the body's own lengths: trackers change the
+//! between (`bends`), and the trunk takes the directions of the recorded bones, all with the body's own lengths: trackers change the
 //! lengths of bones from frame to frame, bodies do not.
 //!
 //! No recording that is read here knows its object. The thing of the label moves with the hand from the moment at which the
