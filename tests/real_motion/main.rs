@@ -177,7 +177,6 @@ impl Stage {
         const COUNTS_DB: f32 = 30.0;
         const QUIET_DB: f32 = 25.0;
         let effects = Effects::of(Domain::Site);
-        let take = Take { scene: &self.scene, performance, fixtures, tags: &[], proxy: None, effects };
         let mut radar = Radar::new(&self.scene, effects).unwrap();
         radar.begin(fixtures, &mut ChaCha8Rng::seed_from_u64(seed));
         let chirps = radar.config().profile.clone();
