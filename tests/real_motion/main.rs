@@ -178,6 +178,7 @@ impl Stage {
         const QUIET_DB: f32 = 25.0;
         let effects = Effects::of(Domain::Site);
         let mut radar = Radar::new(&self.scene, effects).unwrap();
+        let take = Take { scene: &self.scene, performance, fixtures, tags: &[], effects };
         radar.begin(fixtures, &mut ChaCha8Rng::seed_from_u64(seed));
         let chirps = radar.config().profile.clone();
         let frames: Vec<_> = take
