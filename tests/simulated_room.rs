@@ -95,10 +95,18 @@ fn what_went_over_both_wires_is_what_direct_computing_gives() {
     let mut radar = Radar::new(take.scene, effects).unwrap();
     radar.begin(take.fixtures, &mut stream(wanted.domain, wanted.seed, 0, Purpose::Radar));
     let config = radar.config().clone();
-    let reaching_s = performance.contact().expect("a hand reaches the book").0 - 0.3;
+    // The liveliest frame: its first and last chirp from the first transmitter differ most.
+    let last = config.profile.chirps_per_frame() - config.profile.tx_slots() as u32;
+    let mut liveliness = |time_s: &f64| {
+        radar.look(&performance, *time_s);
+        let first = radar.chirp_samples(0).to_vec();
+        first.iter().zip(radar.chirp_samples(last)).map(|(a, b)| (a - b).norm_sqr()).sum::<f32>()
+    };
+    let times = take.frame_times(&config.profile).map(|time_s| (liveliness(&time_s), time_s));
+    let (_, lively_s) = times.max_by(|a, b| a.0.total_cmp(&b.0)).expect("a sample has frames");
 
     let (mut cutter, mut datagrams, mut chirps) = (Cutter::default(), Vec::new(), Vec::new());
-    radar.look(&performance, reaching_s);
+    radar.look(&performance, lively_s);
     let mut bytes = vec![0; config.profile.chirp_bytes() as usize];
     for index in 0..config.profile.chirps_per_frame() {
         let wide = |z: &num_complex::Complex32| Complex64::new(z.re.into(), z.im.into());
