@@ -14,6 +14,8 @@ use std::net::{Ipv4Addr, SocketAddr, TcpListener, UdpSocket};
 use std::os::unix::net::UnixStream;
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
+use std::sync::Arc;
+use std::sync::mpsc::{self, Receiver};
 use std::time::{Duration, Instant};
 
 use rfhoi_firmware::dca1000::command::{self, Answer};
@@ -96,6 +98,36 @@ pub fn free_tcp_port() -> u16 {
     listener.local_addr().expect("it is bound").port()
 }
 
+/// The host's end of the line. A thread of its own takes packets off the socket at once: what a test does meanwhile must
+/// not lose any.
+#[derive(Debug)]
+struct HostEnd {
+    socket: UdpSocket,
+    packets: Receiver<Vec<u8>>,
+    _open: Arc<()>,
+}
+
+impl HostEnd {
+    fn open() -> Self {
+        let socket = UdpSocket::bind((Ipv4Addr::LOCALHOST, 0)).expect("loopback has a free port");
+        socket.set_read_timeout(Some(Duration::from_millis(100))).expect("a socket can wait for a while");
+        let (sender, packets) = mpsc::channel();
+        let open = Arc::new(());
+        let (still_open, end) = (Arc::downgrade(&open), socket.try_clone().expect("a socket can be shared"));
+        std::thread::spawn(move || {
+            let mut buffer = [0; 2048];
+            while still_open.strong_count() > 0 {
+                if let Ok(length) = end.recv(&mut buffer)
+                    && sender.send(buffer[..length].to_vec()).is_err()
+                {
+                    return;
+                }
+            }
+        });
+        Self { socket, packets, _open: open }
+    }
+}
+
 fn socket() -> UdpSocket {
     let socket = UdpSocket::bind((Ipv4Addr::LOCALHOST, 0)).expect("loopback has a free port");
     socket.set_nonblocking(true).expect("a socket can be made so");
@@ -154,7 +186,7 @@ pub struct Machine {
     data: SocketAddr,
     recorder: UdpSocket,
     recorder_data: UdpSocket,
-    host_socket: UdpSocket,
+    host_end: HostEnd,
     sequencer: Sequencer,
     commands: u16,
     console_line: UnixStream,
@@ -219,7 +251,7 @@ impl Machine {
             data: (Ipv4Addr::LOCALHOST, data).into(),
             recorder,
             recorder_data: socket(),
-            host_socket: socket(),
+            host_end: HostEnd::open(),
             sequencer: Sequencer::new(0),
             commands: 0,
             console_line,
@@ -261,9 +293,9 @@ impl Machine {
             let (_, words) = self.said.remove(0);
             let _ = self.console_line.write_all(words.as_bytes());
         }
-        while let Ok(length) = self.host_socket.recv(&mut buffer) {
+        while let Ok(packet) = self.host_end.packets.try_recv() {
             happened = true;
-            self.take(&buffer[..length]);
+            self.take(&packet);
         }
         happened
     }
@@ -325,7 +357,7 @@ impl Machine {
             if sent.is_none_or(|sent| sent.elapsed() > AGAIN) {
                 sent = Some(Instant::now());
                 // The port may not be open yet.
-                let _ = self.host_socket.send_to(&bytes, self.bridge);
+                let _ = self.host_end.socket.send_to(&bytes, self.bridge);
             }
             if !self.step() {
                 std::thread::sleep(PAUSE);
@@ -356,7 +388,7 @@ impl Machine {
 
     /// Another host takes over: a new port of this machine.
     pub fn new_host(&mut self) {
-        self.host_socket = socket();
+        self.host_end = HostEnd::open();
     }
 
     /// Who the bridge last said it was.
@@ -403,7 +435,7 @@ impl Machine {
 
     /// Sends `bytes` to the bridge's port for commands.
     pub fn send_to_bridge(&self, bytes: &[u8]) {
-        let _ = self.host_socket.send_to(bytes, self.bridge);
+        let _ = self.host_end.socket.send_to(bytes, self.bridge);
     }
 
     /// Says `bytes` on the console's line.
