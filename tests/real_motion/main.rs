@@ -369,6 +369,7 @@ fn recorded_people_look_like_generated_ones_where_these_do_the_same() {
         assert!(row.to[n] + 0.05 < others, "{name}: {} to their own, {others} to another", row.to[n]);
     }
     if let Some(folder) = std::env::var_os("RFHOI_PICTURES") {
+        std::fs::create_dir_all(&folder).unwrap();
         picture(&all).save(PathBuf::from(folder).join("real_motion.png")).unwrap();
     }
 }
