@@ -78,14 +78,7 @@ fn what_went_over_both_wires_is_what_direct_computing_gives() {
     let radar_at = scene.radar.position.truncate();
     scene.places.retain(|place| place.position.distance(radar_at) < 1.7 && place.facing_rad.abs() < 0.1);
     let scenes = [scene];
-    let wanted = Wanted {
-        domain: Domain::Site,
-        seed: 3,
-        samples: 1,
-        categories: &CATEGORIES[1..2],
-        nothing: 0.0,
-        expand: false,
-    };
+    let wanted = Wanted::one(Domain::Site, 3, &CATEGORIES[1..2]);
     let mut drawn = draw(&wanted, &scenes).swap_remove(0);
     drawn.facing_deg = 0.0;
     let (performance, tags) = perform(wanted.domain, wanted.seed, &drawn, &scenes[0]).unwrap();

@@ -5,6 +5,7 @@
 
 use num_complex::Complex;
 use rfhoi_shared::config::RadarConfig;
+use rfhoi_shared::fnv;
 use rfhoi_shared::radar::{DCA1000_PAYLOAD, MAX_RX};
 use rfhoi_shared::units::BridgeTime;
 
@@ -49,11 +50,9 @@ pub fn digest(config: &RadarConfig, frames: u32, memory: &mut [Complex<i16>]) ->
     let mut radar = ReferenceRadar::new(config)?;
     let mut path = RadarPath::<MAX_ROW>::new(config, memory).ok()?;
     let mut uplink = Uplink::new(0);
-    let mut hash = 0x811c_9dc5_u32;
+    let mut hash = fnv::EMPTY;
     let mut take = |bytes: &[u8]| {
-        for &byte in bytes.iter().chain(&(bytes.len() as u32).to_le_bytes()) {
-            hash = (hash ^ u32::from(byte)).wrapping_mul(0x0100_0193);
-        }
+        hash = fnv::more(hash, bytes.iter().chain(&(bytes.len() as u32).to_le_bytes()));
         true
     };
     let mut chirp = [0; MAX_RX * MAX_ROW];

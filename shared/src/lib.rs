@@ -13,6 +13,7 @@
 
 pub mod array;
 pub mod config;
+pub mod fnv;
 pub mod radar;
 pub mod scene;
 pub mod tag;

@@ -8,6 +8,7 @@ use heapless::Vec;
 use serde::{Deserialize, Serialize};
 
 use crate::array::{AntennaArray, Mounting};
+use crate::fnv;
 use crate::units::{Metres, MetresPerSecond, SPEED_OF_LIGHT, Seconds};
 
 /// Receive antennas of a radar, at most.
@@ -363,7 +364,7 @@ impl RadarProfile {
     pub fn fingerprint(&self) -> u32 {
         let mut buffer = [0u8; 128];
         let bytes = postcard::to_slice(self, &mut buffer).map(|b| &*b).unwrap_or(&[]);
-        bytes.iter().fold(0x811c_9dc5, |hash, &b| (hash ^ u32::from(b)).wrapping_mul(0x0100_0193))
+        fnv::more(fnv::EMPTY, bytes)
     }
 }
 

@@ -6,6 +6,9 @@
 use num_complex::Complex32;
 use rfhoi_shared::radar::{IqOrder, SampleFormat};
 
+/// Full scale in words: one past the largest.
+pub const FULL_SCALE: f32 = 32768.0;
+
 /// The first bits of two words in one of 32 bits.
 const SIGNS: u32 = 0x8000_8000;
 

@@ -6,10 +6,7 @@ use num_complex::Complex32;
 use rfhoi_shared::radar::{MAX_SAMPLES, RadarProfile, RangeGate, SampleFormat};
 
 use super::{Cube, fft, window};
-use crate::dca1000::samples;
-
-/// One over the largest magnitude of a 16-bit word.
-const FULL_SCALE: f32 = 1.0 / 32768.0;
+use crate::dca1000::samples::{self, FULL_SCALE};
 
 /// Window and range FFT, receiver by receiver.
 #[derive(Debug)]
@@ -51,7 +48,7 @@ impl RangeStage {
         self.format = profile.format;
         self.gate = gate;
         // Half of a real tone's power is at negative frequencies.
-        let sum = if self.format == SampleFormat::Real { 2.0 * FULL_SCALE } else { FULL_SCALE };
+        let sum = if self.format == SampleFormat::Real { 2.0 / FULL_SCALE } else { 1.0 / FULL_SCALE };
         if let Some(window) = self.window.get_mut(..self.samples) {
             window::hann(window, sum);
         }

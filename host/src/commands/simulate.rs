@@ -293,14 +293,7 @@ impl Simulate {
             scene.places.retain(|p| Some(p.position) == position);
         }
         let categories: Vec<Category> = self.category()?.into_iter().collect();
-        let wanted = Wanted {
-            domain: self.domain(),
-            seed: self.seed,
-            samples: 1,
-            categories: &categories,
-            nothing: if categories.is_empty() { 1.0 } else { 0.0 },
-            expand: false,
-        };
+        let wanted = Wanted::one(self.domain(), self.seed, &categories);
         let scenes = [scene];
         let mut drawn = draw(&wanted, &scenes).swap_remove(0);
         drawn.facing_deg = facing.unwrap_or(drawn.facing_deg);

@@ -2,6 +2,9 @@
 
 use super::canvas::{Anchor, Area, Canvas, Drawn, FRAME, GRID, INK, Trouble};
 
+/// Free space about a panel, pixels.
+pub(super) const MARGIN: i32 = 14;
+
 /// Height of the letters of tick labels and axis titles, pixels.
 pub(super) const TICK_LETTERS: f64 = 16.0;
 pub(super) const LABEL_LETTERS: f64 = 18.0;
@@ -123,6 +126,12 @@ pub(super) struct Sides {
 
 impl Sides {
     pub(super) const ALL: Self = Self { y: true, bar: true };
+
+    /// What a panel with a colour bar keeps of `area`.
+    pub(super) fn inside(self, area: Area) -> Area {
+        let margin = |shown| if shown { MARGIN } else { 0 };
+        area.inside(margin(self.y), MARGIN, margin(self.bar), MARGIN / 2)
+    }
 }
 
 /// The axes around a rectangle.

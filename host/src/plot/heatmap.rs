@@ -7,8 +7,6 @@ use super::bar::{Bar, ColourScale};
 use super::canvas::{Anchor, Area, Canvas, Drawn, FRAME, INK, Rgb};
 use super::colour;
 
-/// Margins of a panel, pixels.
-const MARGIN: i32 = 14;
 /// Width of the swatch that explains the hatching.
 const SWATCH: i32 = 26;
 /// Hatching of missing values: its period in pixels, its stripes and what is between them.
@@ -46,12 +44,7 @@ pub struct Heatmap {
 
 impl Heatmap {
     pub(super) fn draw(&self, canvas: &mut Canvas, area: Area, sides: Sides) -> Drawn {
-        let area = area.inside(
-            if sides.y { MARGIN } else { 0 },
-            MARGIN,
-            if sides.bar { MARGIN } else { 0 },
-            MARGIN / 2,
-        );
+        let area = sides.inside(area);
         let scale = self.scale.axis(self.values.iter().copied());
         let title = title_room(&self.title);
         let bar = if sides.bar { Some(Bar::new(canvas, scale.clone(), area.height - title)?) } else { None };

@@ -1,11 +1,9 @@
 //! Series over one axis, as lines or as dots.
 
-use super::axis::{Axis, Frame, Sides, TICK_LETTERS, TITLE_LETTERS, draw_title};
+use super::axis::{Axis, Frame, MARGIN, Sides, TICK_LETTERS, TITLE_LETTERS, draw_title};
 use super::canvas::{Anchor, Area, Canvas, Drawn, FRAME, INK, Marker, Point, Rgb, Trouble};
 use super::colour;
 
-/// Margins of a panel, pixels.
-const MARGIN: i32 = 14;
 /// Height of a row of the legend, and of its markers' part of an entry.
 const LEGEND_ROW: i32 = 24;
 const LEGEND_MARK: i32 = 26;

@@ -6,8 +6,6 @@ use super::canvas::{Anchor, Area, Canvas, Drawn, INK, Marker, Point, Rgb};
 use super::colour;
 use super::lines::clipped;
 
-/// Margins of a panel, pixels.
-const MARGIN: i32 = 14;
 /// Height of the letters of names, pixels.
 const NAME_LETTERS: f64 = TICK_LETTERS;
 /// From a marker to its name, pixels, in the order in which places are tried.
@@ -79,12 +77,7 @@ pub struct View {
 
 impl View {
     pub(super) fn draw(&self, canvas: &mut Canvas, area: Area, sides: Sides) -> Drawn {
-        let area = area.inside(
-            if sides.y { MARGIN } else { 0 },
-            MARGIN,
-            if sides.bar { MARGIN } else { 0 },
-            MARGIN / 2,
-        );
+        let area = sides.inside(area);
         let title = title_room(&self.title);
         let scale = self.scale.as_ref().map(|s| s.axis(std::iter::empty()));
         let bar = match &scale {

@@ -39,6 +39,14 @@ pub struct Wanted<'a> {
     pub expand: bool,
 }
 
+impl<'a> Wanted<'a> {
+    /// One sample of these categories, or of nothing where there are none.
+    pub fn one(domain: Domain, seed: u64, categories: &'a [Category]) -> Self {
+        let nothing = if categories.is_empty() { 1.0 } else { 0.0 };
+        Self { domain, seed, samples: 1, categories, nothing, expand: false }
+    }
+}
+
 /// One sample before it is made.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Draw {

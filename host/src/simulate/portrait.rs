@@ -196,9 +196,9 @@ mod tests {
         let mut scene = Scene::named("working-space").unwrap();
         scene.places.retain(|p| p.position.x == 0.0 && p.position.y == 2.4 && p.facing_rad == 0.0);
         let scenes = [scene];
-        let book = Category { action: Action::PickUp, object: Object::Book };
-        assert!(CATEGORIES.contains(&book));
-        let wanted = Wanted { domain, seed, samples: 1, categories: &[book], nothing: 0.0, expand: false };
+        let book = [Category { action: Action::PickUp, object: Object::Book }];
+        assert!(CATEGORIES.contains(&book[0]));
+        let wanted = Wanted::one(domain, seed, &book);
         let mut drawn = draw(&wanted, &scenes).swap_remove(0);
         drawn.facing_deg = 0.0;
         let (performance, tags) = perform(domain, seed, &drawn, &scenes[0]).unwrap();

@@ -239,14 +239,7 @@ mod tests {
 
     fn write(path: &Path, seed: u64, go_on: bool) -> Result<Summary, RecordError> {
         let scenes = [scene()];
-        let wanted = Wanted {
-            domain: Domain::Site,
-            seed: 1,
-            samples: 1,
-            categories: &CATEGORIES[1..2],
-            nothing: 0.0,
-            expand: false,
-        };
+        let wanted = Wanted::one(Domain::Site, 1, &CATEGORIES[1..2]);
         let draw = &draw(&wanted, &scenes)[0];
         let (performance, tags) = perform(wanted.domain, 1, draw, &scenes[0]).unwrap();
         let take = Take::of(&scenes[0], &performance, &tags, Effects::of(wanted.domain));

@@ -34,6 +34,7 @@ use std::time::Duration;
 use ndarray::{Array1, Array2, Array3};
 use rfhoi_firmware::dsp::level;
 use rfhoi_shared::config::Processing;
+use rfhoi_shared::fnv;
 use rfhoi_shared::units::BridgeTime;
 use serde::Serialize;
 use serde_json::{Value, json};
@@ -338,10 +339,9 @@ fn first_difference(key: String, there: Option<&Value>, wanted: Option<&Value>) 
     }
 }
 
-/// Of all that a scene holds: FNV-1a of its fields as they are printed.
+/// Of all that a scene holds: its fields as they are printed.
 fn fingerprint(scene: &Scene) -> u32 {
-    let fields = format!("{scene:?}");
-    fields.bytes().fold(0x811c_9dc5, |hash, b| (hash ^ u32::from(b)).wrapping_mul(0x0100_0193))
+    fnv::more(fnv::EMPTY, format!("{scene:?}").as_bytes())
 }
 
 /// Writes one shard.

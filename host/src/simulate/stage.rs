@@ -61,6 +61,17 @@ pub(crate) enum Mount {
     Thing(Vec3),
 }
 
+/// The tag that a hand moves.
+#[derive(Debug, Clone)]
+pub(crate) struct Moved {
+    /// Its number.
+    pub(crate) tag: usize,
+    /// The hand.
+    pub(crate) hand: Joint,
+    /// When, s.
+    pub(crate) when_s: Range<f64>,
+}
+
 /// A body and a thing over time.
 #[derive(Debug, Clone)]
 pub(crate) struct Stage {
@@ -69,6 +80,7 @@ pub(crate) struct Stage {
     thing: Vec<Vec3>,
     surface: Surface,
     tags: Vec<Mount>,
+    moved: Option<Moved>,
     /// From one step before 0 to two after the end.
     joints: Vec<Joints>,
     breath_m: Vec<f32>,
@@ -83,6 +95,7 @@ impl Stage {
         body: Body,
         thing: Solid,
         tags: Vec<Mount>,
+        moved: Option<Moved>,
         at: impl Fn(f64) -> Instant,
     ) -> Self {
         let mut surface = body.surface().clone();
@@ -94,6 +107,7 @@ impl Stage {
             thing: thing.vertices,
             surface,
             tags,
+            moved,
             joints: Vec::with_capacity(keys),
             breath_m: Vec::with_capacity(keys),
             poses: Vec::new(),
@@ -161,12 +175,6 @@ pub(crate) fn catmull_rom(u: f32) -> [f32; 4] {
 pub(crate) trait Staged: Send + Sync {
     /// The stage.
     fn stage(&self) -> &Stage;
-
-    /// The hand that acts.
-    fn hand_joint(&self) -> Joint;
-
-    /// Number of the tag that a hand moves, and when, s.
-    fn moved_s(&self) -> Option<&(usize, Range<f64>)>;
 }
 
 impl<T: Staged> Performance for T {
@@ -202,9 +210,9 @@ impl<T: Staged> Performance for T {
     }
 
     fn proxy(&self, tag: usize, time_s: f64) -> Vec3 {
-        match self.moved_s() {
-            Some((moved, moved_s)) if *moved == tag => {
-                self.stage().joint(self.hand_joint(), time_s.clamp(moved_s.start, moved_s.end))
+        match &self.stage().moved {
+            Some(Moved { tag: moved, hand, when_s }) if *moved == tag => {
+                self.stage().joint(*hand, time_s.clamp(when_s.start, when_s.end))
             }
             _ => self.tag(tag, 0.0),
         }

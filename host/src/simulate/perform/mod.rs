@@ -26,10 +26,10 @@ pub use self::manner::Manner;
 use self::planner::Planner;
 use self::workplace::Workplace;
 use super::Surface;
-use super::body::{Body, Joint, Joints, Side};
+use super::body::{Body, Joints, Side};
 use super::scene::{Person, Place};
 use super::shape::Solid;
-use super::stage::{Instant, Mount, Pose, Stage, Staged};
+use super::stage::{Instant, Mount, Moved, Pose, Stage, Staged};
 use super::thing::Thing;
 use crate::hoi::{CATEGORIES, Category, Object, UNSEEN};
 
@@ -91,8 +91,6 @@ pub struct Generated {
     target: Option<usize>,
     interaction_s: Range<f64>,
     contact: Option<(f64, Vec3)>,
-    /// Number of the object that moves, and when, s.
-    moved_s: Option<(usize, Range<f64>)>,
     fixtures: (Surface, Vec<Vec3>),
 }
 
@@ -137,17 +135,18 @@ impl Generated {
             }
         };
         let tags = workplace.things.iter().enumerate().map(tag).collect();
-        let moved_s = moving.zip(script.held.as_ref().map(script::Held::moved_s));
+        let when_s = script.held.as_ref().map(script::Held::moved_s);
+        let moves = moving.zip(when_s).map(|(tag, when_s)| Moved { tag, hand: side.hand(), when_s });
         let moved = moving.map_or_else(Solid::default, |i| workplace.things[i].0.moving.clone());
         let fixtures = workplace.fixtures(moving);
-        let stage = Stage::new(duration_s, body, moved, tags, |time_s| {
+        let stage = Stage::new(duration_s, body, moved, tags, moves, |time_s| {
             let Instant { joints, breath_m, thing } = script.at(time_s);
             let thing = thing.map(|pose| to_room.after(&pose));
             Instant { joints: joints.map(|joint| to_room.point(joint)), breath_m, thing }
         });
         let fixtures = (fixtures.surface, fixtures.vertices.iter().map(|&v| to_room.point(v)).collect());
         let contact = contact.map(|(time_s, place)| (time_s, to_room.point(place)));
-        Ok(Self { stage, side, target, interaction_s: begin_s..end_s, contact, moved_s, fixtures })
+        Ok(Self { stage, side, target, interaction_s: begin_s..end_s, contact, fixtures })
     }
 
     /// Where the hand that acts is at `time_s`, m: the paper's stand-in for the object.
@@ -190,14 +189,6 @@ impl Generated {
 impl Staged for Generated {
     fn stage(&self) -> &Stage {
         &self.stage
-    }
-
-    fn hand_joint(&self) -> Joint {
-        self.side.hand()
-    }
-
-    fn moved_s(&self) -> Option<&(usize, Range<f64>)> {
-        self.moved_s.as_ref()
     }
 }
 

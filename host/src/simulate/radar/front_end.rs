@@ -3,6 +3,7 @@
 use std::f32::consts::PI;
 
 use glam::Vec3;
+use rfhoi_firmware::dca1000::samples::FULL_SCALE;
 use rfhoi_shared::radar::RadarProfile;
 
 /// Power of a transmitter, dBm: 20 mW, as TI gives it for the AWR1843AOP.
@@ -15,8 +16,6 @@ const NOISE_FIGURE_DB: f32 = 15.0;
 const KT_DBM: f32 = -174.0;
 /// One-way gain falls as this power of the cosine of the angle off boresight: -3 dB at 60 degrees, as a patch antenna.
 const PATTERN_EXPONENT: f32 = 1.0;
-/// Largest magnitude of a word.
-const FULL_SCALE: f32 = 32768.0;
 
 /// Standard deviation of a word (I or Q) by thermal noise at [`NOISE_RATE_KSPS`], fitted to recordings of an AWR1642
 /// with a DCA1000: 13.0 and 13.1 words in range bins 60 to 120 of two recordings at 10 Msps, where nothing reflects.

@@ -30,6 +30,7 @@ use core::f32::consts::SQRT_2;
 use glam::{Mat3, Vec3};
 use rand::Rng;
 use rand_chacha::ChaCha8Rng;
+use rfhoi_firmware::dca1000::samples::FULL_SCALE;
 use rfhoi_firmware::simulated::Noise;
 use rfhoi_shared::config::{Processing, RadarConfig, RadarInput};
 use rfhoi_shared::radar::SampleFormat;
@@ -240,4 +241,4 @@ impl Radar {
 }
 
 /// Standard deviation of rounding to a word, of full scale: the step over the square root of 12.
-const ROUNDING: f32 = 0.288_675_1 / 32768.0;
+const ROUNDING: f32 = 0.288_675_1 / FULL_SCALE;

@@ -3,16 +3,13 @@
 use core::f64::consts::TAU;
 
 use num_complex::Complex32;
-use rfhoi_firmware::dca1000::samples::pack;
+use rfhoi_firmware::dca1000::samples::{FULL_SCALE, pack};
 use rfhoi_firmware::simulated::Noise;
 use rfhoi_shared::radar::SampleFormat;
 use rfhoi_shared::units::SPEED_OF_LIGHT;
 
 use super::chirps::{Chirps, Course, cis};
 use super::paths::Path;
-
-/// Full scale in words.
-const FULL_SCALE: f32 = 32768.0;
 
 /// Sums of paths, sample by sample.
 pub(super) struct Samples {

@@ -15,7 +15,7 @@ mod smooth;
 #[cfg(test)]
 mod tests;
 
-use std::ops::{Range, RangeInclusive};
+use std::ops::RangeInclusive;
 
 use glam::{Quat, Vec3};
 
@@ -27,7 +27,7 @@ use super::grasp::{GRASP_S, Grasp};
 use super::perform::in_room;
 use super::scene::{Person, Place};
 use super::shape::Solid;
-use super::stage::{Instant, Mount, Pose, Stage, Staged};
+use super::stage::{Instant, Mount, Moved, Pose, Stage, Staged};
 use super::thing::{SEAT_HEIGHT, Thing};
 use crate::hoi::{Action, Category};
 use crate::motion::Motion;
@@ -92,7 +92,6 @@ pub struct Recorded {
     stage: Stage,
     side: Side,
     contact_s: Option<f64>,
-    moved_s: Option<(usize, Range<f64>)>,
 }
 
 impl Recorded {
@@ -119,7 +118,14 @@ impl Recorded {
             Some(Attached::Still(place)) => (Solid::default(), vec![Mount::Still(to_room.point(*place))]),
             Some(Attached::Carried(thing, _)) => (thing.moving.clone(), vec![Mount::Thing(thing.tag)]),
         };
-        let stage = Stage::new(duration_s, body, thing, tags, |time_s| {
+        let moved = match &held {
+            Some(Attached::Carried(_, Grasp { taken_s, left_s, .. })) => {
+                let when_s = taken_s.max(0.0)..(left_s + GRASP_S).min(duration_s);
+                Some(Moved { tag: 0, hand: recast.side.hand(), when_s })
+            }
+            _ => None,
+        };
+        let stage = Stage::new(duration_s, body, thing, tags, moved, |time_s| {
             let joints = fitted.at(time_s);
             let thing = match &held {
                 Some(Attached::Carried(_, grasp)) => {
@@ -129,19 +135,13 @@ impl Recorded {
             };
             Instant { joints: joints.map(|joint| to_room.point(joint)), breath_m: 0.0, thing }
         });
-        let moved_s = match &held {
-            Some(Attached::Carried(_, Grasp { taken_s, left_s, .. })) => {
-                Some((0, taken_s.max(0.0)..(left_s + GRASP_S).min(duration_s)))
-            }
-            _ => None,
-        };
         let contact_s = match held {
             Some(Attached::Carried(_, grasp)) => {
                 [grasp.taken_s, grasp.left_s].into_iter().find(|t| t.is_finite())
             }
             _ => None,
         };
-        Ok(Self { stage, side: recast.side, contact_s, moved_s })
+        Ok(Self { stage, side: recast.side, contact_s })
     }
 
     /// Where the hand that acts is at `time_s`, m.
@@ -163,14 +163,6 @@ impl Recorded {
 impl Staged for Recorded {
     fn stage(&self) -> &Stage {
         &self.stage
-    }
-
-    fn hand_joint(&self) -> Joint {
-        self.side.hand()
-    }
-
-    fn moved_s(&self) -> Option<&(usize, Range<f64>)> {
-        self.moved_s.as_ref()
     }
 }
 
