@@ -4,6 +4,10 @@
 //! * [`samples`], [`datagrams`]: raw ADC files as the radar's byte stream, cut into DCA1000 datagrams.
 //! * [`reads`]: tables of tag reads.
 //! * [`phase`]: from tag phases to phase differences that mean something, with honest figures.
+//! * [`aoa`]: angle of arrival from the spatial covariance: MUSIC, Capon, Bartlett.
+//! * [`maps`]: range-time, range-Doppler and angle maps of a frame, from a bridge's packets or from raw samples.
+//! * [`align`]: packets in, frames of both radios on one time axis out: what the network is fed with.
+//! * [`stability`]: where these methods break, and whether they say so.
 //! * [`motion`]: recorded human motion, joints over time.
 //! * [`hoi`], [`simulate`]: the vocabulary of actions and objects, and labelled data from a simulated room.
 //! * [`plot`]: pictures of maps and of series.
@@ -11,6 +15,7 @@
 //! * `flash`, with the feature `probe`: boards over their debug probes.
 //! * [`npz`], [`atomic`]: results in files that are whole or not there.
 
+pub mod align;
 pub mod aoa;
 pub mod atomic;
 pub mod bridge;
@@ -20,6 +25,7 @@ pub mod detect;
 pub mod flash;
 pub mod hoi;
 pub mod inspect;
+pub mod maps;
 pub mod motion;
 pub mod npz;
 pub mod phase;
@@ -31,4 +37,5 @@ pub mod recording;
 pub mod replay;
 pub mod samples;
 pub mod simulate;
+pub mod stability;
 pub mod uart_log;

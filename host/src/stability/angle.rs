@@ -1,0 +1,8 @@
+//! Angle of arrival where it is known to fail.
+
+use super::Case;
+
+/// The cases of this module.
+pub fn cases() -> Vec<Box<dyn Case>> {
+    Vec::new()
+}
