@@ -6,6 +6,7 @@ mod inspect;
 mod replay;
 mod report;
 mod simulate;
+mod stability;
 
 use std::io::IsTerminal;
 use std::path::{Path, PathBuf};
@@ -43,6 +44,8 @@ enum Command {
     Replay(replay::Replay),
     /// Make simulated data: sets of labelled samples, recordings, pictures.
     Simulate(Box<simulate::Simulate>),
+    /// Stress each method until it breaks, and tell whether it says so.
+    Stability(stability::Stability),
     /// Find, configure and watch bridges in the network.
     Bridge(bridge::Bridge),
     /// Program a board over its debug probe, and follow its log.
@@ -67,6 +70,7 @@ pub(crate) fn run(cli: &Cli) -> ExitCode {
         Command::Inspect(command) => command.run(cli.json),
         Command::Replay(command) => command.run(cli.json),
         Command::Simulate(command) => command.run(cli.json),
+        Command::Stability(command) => command.run(cli.json),
         Command::Bridge(command) => command.run(cli.json),
         Command::Flash(command) => command.run(cli.json),
     };

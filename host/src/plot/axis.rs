@@ -33,12 +33,19 @@ pub struct Axis {
     pub to: f64,
     /// Values at which a dashed line crosses the panel; on x axes.
     pub marked: Vec<f64>,
+    /// Whether equal factors are equally long, instead of equal differences.
+    pub(super) logarithmic: bool,
 }
 
 impl Axis {
     /// An axis of `label` in `unit` from `from` to `to`.
     pub fn new(label: impl Into<String>, unit: impl Into<String>, from: f64, to: f64) -> Self {
-        Self { label: label.into(), unit: unit.into(), from, to, marked: Vec::new() }
+        Self { label: label.into(), unit: unit.into(), from, to, marked: Vec::new(), logarithmic: false }
+    }
+
+    /// An axis on which equal factors are equally long. Both ends must be positive, else it is an ordinary one.
+    pub fn logarithmic(label: impl Into<String>, unit: impl Into<String>, from: f64, to: f64) -> Self {
+        Self { logarithmic: from > 0.0 && to > 0.0, ..Self::new(label, unit, from, to) }
     }
 
     /// The axis with these values marked.
@@ -78,12 +85,21 @@ impl Axis {
 
     /// Where `value` lies, 0 at the start of the axis and 1 at its end.
     pub(super) fn place(&self, value: f64) -> f64 {
+        if self.logarithmic {
+            // What is not positive lies off the axis.
+            let value = value.max(self.from.min(self.to) * 1e-3);
+            return (value / self.from).ln() / (self.to / self.from).ln();
+        }
         (value - self.from) / (self.to - self.from)
     }
 
-    /// Round values along the axis with their labels, at most about `most`; steps are 1, 2 or 5 times a power of ten.
+    /// Round values along the axis with their labels, at most about `most`; steps are 1, 2 or 5 times a power of ten, and so
+    /// are the values on a logarithmic axis.
     pub(super) fn ticks(&self, most: i32) -> Vec<(f64, String)> {
         let (low, high) = (self.from.min(self.to), self.from.max(self.to));
+        if self.logarithmic {
+            return decades(low, high, most);
+        }
         let rough = (high - low) / f64::from(most.max(1));
         let power = 10_f64.powf(rough.log10().floor());
         let steps = [0.5, 1.0, 2.0, 5.0, 10.0].map(|m| m * power);
@@ -105,6 +121,20 @@ impl Axis {
         };
         (0..count).map(tick).collect()
     }
+}
+
+/// 1, 2 and 5 times each power of ten from `low` to `high`, or 1 alone, or every few powers where `most` are fewer.
+fn decades(low: f64, high: f64, most: i32) -> Vec<(f64, String)> {
+    let (first, last) = (low.log10().floor() as i32, high.log10().ceil() as i32);
+    let values = |factors: &'static [f64], step: usize| {
+        let powers = (first..=last).step_by(step);
+        let all = powers.flat_map(move |power| factors.iter().map(move |f| (f * 10_f64.powi(power), power)));
+        let inside = all.filter(move |&(v, _)| v >= low * 0.999_999 && v <= high * 1.000_001);
+        inside.map(|(v, power)| (v, label(v, (-power).max(0) as usize))).collect::<Vec<_>>()
+    };
+    let choices = [(&[1.0, 2.0, 5.0][..], 1), (&[1.0, 3.0], 1), (&[1.0], 1), (&[1.0], 2), (&[1.0], 4)];
+    let fits = choices.iter().map(|&(factors, step)| values(factors, step));
+    fits.clone().find(|ticks| ticks.len() as i32 <= most.max(2)).or_else(|| fits.last()).unwrap_or_default()
 }
 
 /// A tick's label: plain for usual sizes, with a power of ten for others.

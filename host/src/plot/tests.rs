@@ -109,6 +109,18 @@ fn narrow_axes_have_more_than_one_tick() {
 }
 
 #[test]
+fn a_logarithmic_axis_has_equal_factors_equally_long_and_round_ticks() {
+    let axis = Axis::logarithmic("", "", 0.1, 1_000.0);
+    assert!((axis.place(10.0) - 0.5).abs() < 1e-12 && axis.place(0.0) < 0.0 && axis.place(-1.0) < 0.0);
+    let labels = |from, to, most| {
+        Axis::logarithmic("", "", from, to).ticks(most).into_iter().map(|t| t.1).collect::<Vec<_>>()
+    };
+    assert_eq!(labels(1.0, 256.0, 9), ["1", "2", "5", "10", "20", "50", "100", "200"]);
+    assert_eq!(labels(0.1, 1_000.0, 6), ["0.1", "1", "10", "100", "1000"]);
+    assert!(!Axis::logarithmic("", "", 0.0, 5.0).ticks(5).is_empty(), "no logarithm of zero");
+}
+
+#[test]
 fn a_point_alone_between_gaps_is_seen() {
     let gap = f64::NAN;
     let series = |middle: f64| Series {

@@ -17,10 +17,12 @@
 
 pub mod angle;
 pub mod radar;
+mod report;
 mod sweep;
 pub mod tags;
 pub mod whole;
 
+pub use report::{ReportError, table, write};
 pub use sweep::{CaseResult, Curve, Interrupted, Options, Point, run};
 
 use rand_chacha::ChaCha8Rng;
