@@ -1,7 +1,7 @@
 //! The host's end of the wire: packets in, whole frames and tag reads out, with every loss counted.
 //!
 //! Transport is someone else's: [`Receiver::push`] takes the bytes of one packet, from a UDP datagram or out of a serial
-//! frame.
+//! frame. Frames that are given back with [`Receiver::recycle`] lend their memory to later ones; then nothing is allocated.
 
 use std::collections::VecDeque;
 
@@ -9,8 +9,8 @@ use rfhoi_shared::radar::{MAX_GATE_BINS, RangeGate};
 use rfhoi_shared::tag::TagRead;
 use rfhoi_shared::units::BridgeTime;
 use rfhoi_shared::wire::{
-    Ack, Covariance, FrameInfo, Header, Hello, HopTable, LogScale, MAX_MAP_BYTES, MapKind, MapRows, Message,
-    Notice, Packet, Point, Stream, Telemetry, WireError,
+    Ack, Covariance, FrameInfo, Header, Hello, HopTable, LogScale, MAX_MAP_BYTES, MAX_READS, MapKind,
+    MapRows, Message, Notice, Packet, Point, Stream, Telemetry, WireError,
 };
 use serde::Serialize;
 
@@ -30,17 +30,19 @@ pub struct HeatMap {
 }
 
 impl HeatMap {
-    /// A map of which nothing has arrived; `None` where it is larger than a bridge sends, so that a packet of somebody else
-    /// cannot ask for any amount of memory.
-    fn new(rows: &MapRows<'_>) -> Option<Self> {
+    /// A map of which nothing has arrived, in the memory of `spare`; `None` where it is larger than a bridge sends, so that a
+    /// packet of somebody else cannot ask for any amount of memory.
+    fn new(rows: &MapRows<'_>, spare: Option<Self>) -> Option<Self> {
         let (bins, columns) = (usize::from(rows.gate.bins), usize::from(rows.columns));
-        (bins <= MAX_GATE_BINS && columns <= MAX_MAP_BYTES).then(|| Self {
-            gate: rows.gate,
-            columns,
-            scale: rows.scale,
-            codes: vec![0; bins * columns],
-            arrived: vec![false; bins],
-        })
+        if bins > MAX_GATE_BINS || columns > MAX_MAP_BYTES {
+            return None;
+        }
+        let (mut codes, mut arrived) = spare.map(|s| (s.codes, s.arrived)).unwrap_or_default();
+        codes.clear();
+        codes.resize(bins * columns, 0);
+        arrived.clear();
+        arrived.resize(bins, false);
+        Some(Self { gate: rows.gate, columns, scale: rows.scale, codes, arrived })
     }
 
     /// Puts rows in their place. Returns whether they belong to this map.
@@ -100,7 +102,7 @@ pub enum Received {
     /// A radar frame is as complete as it will be.
     Frame(RadarFrame),
     /// Tag reads.
-    Reads(Vec<TagRead>),
+    Reads(heapless::Vec<TagRead, MAX_READS>),
     /// The reader's channels.
     HopTable(HopTable),
     /// Health of the bridge.
@@ -138,12 +140,41 @@ pub struct LinkCounts {
     pub restarts: u64,
 }
 
+/// Memory of frames that were given back.
+#[derive(Debug, Default)]
+struct Spare {
+    maps: Vec<HeatMap>,
+    points: Vec<Vec<Point>>,
+}
+
+impl Spare {
+    /// Frames of which memory is kept, at most.
+    const FRAMES: usize = 4;
+
+    fn keep(&mut self, frame: RadarFrame) {
+        let maps = [frame.range_doppler, frame.range_time].into_iter().flatten();
+        self.maps.extend(maps.take((2 * Self::FRAMES).saturating_sub(self.maps.len())));
+        let mut points = frame.points;
+        if points.capacity() > 0 && self.points.len() < Self::FRAMES {
+            points.clear();
+            self.points.push(points);
+        }
+    }
+
+    /// A map whose memory is large enough for `cells`, or else any.
+    fn map(&mut self, cells: usize) -> Option<HeatMap> {
+        let place = self.maps.iter().position(|m| m.codes.capacity() >= cells);
+        place.map(|place| self.maps.swap_remove(place)).or_else(|| self.maps.pop())
+    }
+}
+
 /// Takes packets of one bridge.
 #[derive(Debug, Default)]
 pub struct Receiver {
     boot: Option<u16>,
     next: [Option<u32>; Stream::ALL.len()],
     frame: Option<RadarFrame>,
+    spare: Spare,
     ready: VecDeque<Received>,
     counts: LinkCounts,
     time: BridgeTime,
@@ -190,6 +221,11 @@ impl Receiver {
         self.ready.pop_front()
     }
 
+    /// Takes back a frame that is no longer needed, for its memory.
+    pub fn recycle(&mut self, frame: RadarFrame) {
+        self.spare.keep(frame);
+    }
+
     /// Hands on the frame under way, as at the end of a recording.
     pub fn finish(&mut self) {
         if let Some(frame) = self.frame.take() {
@@ -224,12 +260,14 @@ impl Receiver {
                 self.finish();
             }
             Message::MapRows(rows) => {
-                let frame = self.frame_of(rows.frame, header.time);
+                self.frame_of(rows.frame, header.time);
+                let Self { frame: Some(frame), spare, .. } = self else { return };
                 let map = match rows.map {
                     MapKind::RangeDoppler => &mut frame.range_doppler,
                     MapKind::RangeTime => &mut frame.range_time,
                 };
-                *map = map.take().or_else(|| HeatMap::new(&rows));
+                let cells = usize::from(rows.gate.bins) * usize::from(rows.columns);
+                *map = map.take().or_else(|| HeatMap::new(&rows, spare.map(cells)));
                 if !map.as_mut().is_some_and(|map| map.put(&rows)) {
                     self.counts.packets_malformed += 1;
                 }
@@ -241,7 +279,7 @@ impl Receiver {
             Message::Points(points) => {
                 self.frame_of(points.frame, header.time).points.extend(points.points);
             }
-            Message::Tags(reads) => self.ready.push_back(Received::Reads(reads.into_iter().collect())),
+            Message::Tags(reads) => self.ready.push_back(Received::Reads(reads)),
             Message::HopTable(table) => self.ready.push_back(Received::HopTable(table)),
             Message::Telemetry(telemetry) => self.ready.push_back(Received::Telemetry(telemetry)),
             Message::Hello(hello) => self.ready.push_back(Received::Hello(hello)),
@@ -258,7 +296,13 @@ impl Receiver {
         if let Some(old) = self.frame.take_if(|f| f.frame != number) {
             self.hand_on(old);
         }
-        self.frame.get_or_insert_with(|| RadarFrame { frame: number, time, ..RadarFrame::default() })
+        let points = &mut self.spare.points;
+        self.frame.get_or_insert_with(|| RadarFrame {
+            frame: number,
+            time,
+            points: points.pop().unwrap_or_default(),
+            ..RadarFrame::default()
+        })
     }
 
     fn hand_on(&mut self, frame: RadarFrame) {
@@ -347,6 +391,24 @@ mod tests {
             push(&mut receiver, &sequencer.wrap(BridgeTime(1), message));
         }
         assert_eq!(receiver.counts().frames_with_holes, 1, "the second frame is of a UART");
+    }
+
+    #[test]
+    fn a_frame_that_is_given_back_lends_its_memory_and_nothing_else() {
+        let (mut sequencer, mut receiver) = (Sequencer::new(1), Receiver::new());
+        let mut frame = |frame_number: u32, codes: &[u8]| {
+            push(&mut receiver, &sequencer.wrap(BridgeTime(1), rows(frame_number, 0, codes)));
+            push(&mut receiver, &sequencer.wrap(BridgeTime(1), info(frame_number)));
+            let frame = frames(&mut receiver).remove(0);
+            let map = frame.range_doppler.clone().unwrap();
+            let memory = frame.range_doppler.as_ref().unwrap().codes.as_ptr();
+            receiver.recycle(frame);
+            (map, memory)
+        };
+        let (_, first) = frame(1, &[9; 8]);
+        let (map, second) = frame(2, &[1, 2]);
+        assert_eq!((map.codes.as_slice(), map.rows_missing()), (&[1, 2, 0, 0, 0, 0, 0, 0][..], 3));
+        assert_eq!(first, second);
     }
 
     #[test]

@@ -81,7 +81,10 @@ impl Live {
         let _ = self.receiver.push(bytes);
         while let Some(received) = self.receiver.next() {
             match received {
-                Received::Frame(frame) => self.frame(&frame),
+                Received::Frame(frame) => {
+                    self.frame(&frame);
+                    self.receiver.recycle(frame);
+                }
                 Received::Reads(reads) => {
                     for read in reads {
                         *self.reads.entry(read.epc.clone()).or_default() += 1;
