@@ -5,7 +5,7 @@
 
 use std::collections::VecDeque;
 
-use rfhoi_shared::radar::{MAX_GATE_BINS, RangeGate};
+use rfhoi_shared::radar::{MAX_SAMPLES, RangeGate};
 use rfhoi_shared::tag::TagRead;
 use rfhoi_shared::units::BridgeTime;
 use rfhoi_shared::wire::{
@@ -34,7 +34,7 @@ impl HeatMap {
     /// packet of somebody else cannot ask for any amount of memory.
     fn new(rows: &MapRows<'_>, spare: Option<Self>) -> Option<Self> {
         let (bins, columns) = (usize::from(rows.gate.bins), usize::from(rows.columns));
-        if bins > MAX_GATE_BINS || columns > MAX_MAP_BYTES {
+        if bins > MAX_SAMPLES || columns > MAX_MAP_BYTES {
             return None;
         }
         let (mut codes, mut arrived) = spare.map(|s| (s.codes, s.arrived)).unwrap_or_default();

@@ -205,7 +205,7 @@ pub enum ConfigError {
     Profile(ProfileError),
     /// The profile does not see the scene.
     Scene(Unmet),
-    /// The gate is empty, reaches past the profile's range bins, or has more than [`MAX_GATE_BINS`].
+    /// The gate is empty, reaches past the profile's range bins, or, of raw samples, has more than [`MAX_GATE_BINS`].
     Gate(RangeGate),
     /// The gated cube needs more bytes than this bridge has.
     CubeTooLarge {
@@ -246,7 +246,7 @@ impl fmt::Display for ConfigError {
             Self::Scene(e) => write!(f, "{e}"),
             Self::Gate(g) => write!(
                 f,
-                "range gate of {} bins from bin {}: need 1 to {MAX_GATE_BINS}, and none past the profile's last bin",
+                "range gate of {} bins from bin {}: need 1 to {MAX_GATE_BINS} of raw samples, and none past the profile's last bin",
                 g.bins, g.first
             ),
             Self::CubeTooLarge { needed, available } => {
@@ -287,7 +287,9 @@ impl RadarConfig {
         profile.validate().map_err(ConfigError::Profile)?;
         let gate = processing.gate;
         let past_end = u32::from(gate.first) + u32::from(gate.bins) > u32::from(profile.range_bins());
-        if gate.bins == 0 || usize::from(gate.bins) > MAX_GATE_BINS || past_end {
+        // Raw samples need memory for each bin; what comes over the UART is passed on.
+        let too_many = matches!(input, RadarInput::Dca1000 { .. }) && usize::from(gate.bins) > MAX_GATE_BINS;
+        if gate.bins == 0 || too_many || past_end {
             return Err(ConfigError::Gate(gate));
         }
         let needed = profile.cube_bytes(gate);

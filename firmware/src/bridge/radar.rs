@@ -4,6 +4,7 @@ use core::borrow::BorrowMut;
 
 use num_complex::Complex;
 use rfhoi_shared::config::{ConfigError, RadarConfig};
+use rfhoi_shared::radar::MAX_GATE_BINS;
 use rfhoi_shared::units::BridgeTime;
 use rfhoi_shared::wire::{Covariance, DatagramCounts, FrameCounts, FrameInfo, MapKind, Message, Stream};
 
@@ -254,6 +255,10 @@ impl<'m, const ROW: usize> RadarPath<'m, ROW> {
     pub fn new(config: &RadarConfig, memory: &'m mut [Complex<i16>]) -> Result<Self, ConfigError> {
         let available = core::mem::size_of_val(memory) as u32;
         config.validate(available)?;
+        let gate = config.processing.gate;
+        if usize::from(gate.bins) > MAX_GATE_BINS {
+            return Err(ConfigError::Gate(gate));
+        }
         let mut cube = Cube::new(memory);
         let too_large = ConfigError::CubeTooLarge {
             needed: config.profile.cube_bytes(config.processing.gate),

@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use anyhow::Context;
 use clap::{Args, ValueEnum};
 use rfhoi::profile::regroup;
-use rfhoi::replay::{Options, replay};
+use rfhoi::replay::{Options, VibratingTarget, replay};
 use rfhoi_shared::config::ClutterRemoval;
 use rfhoi_shared::scene::Scene;
 use rfhoi_shared::units::{Metres, MetresPerSecond, Seconds};
@@ -31,6 +31,9 @@ pub(super) struct Replay {
     /// Take so many loops of consecutive frames as one frame, for recordings with few loops a frame.
     #[arg(long, value_name = "LOOPS")]
     regroup: Option<u16>,
+    /// Tell how the strongest target of raw samples vibrates, or that at RANGE_M: displacement and spectrum over the frames.
+    #[arg(long, value_name = "RANGE_M", num_args = 0..=1, conflicts_with = "regroup")]
+    vibration: Option<Option<f32>>,
     /// Fastest tag, m/s: bounds the intervals between reads that mean something.
     #[arg(long, value_name = "M_PER_S", default_value_t = Scene::default().fastest_tag.0)]
     fastest_tag: f32,
@@ -69,7 +72,14 @@ impl Replay {
             }
             ClutterName::Off => ClutterRemoval::Off,
         });
-        let options = Options { profile, scene, clutter, whole_range: self.depth.is_none() };
+        let vibration = self
+            .vibration
+            .map(|range| range.map_or(VibratingTarget::Strongest, |m| VibratingTarget::At(Metres(m))));
+        anyhow::ensure!(
+            vibration.is_none() || profile.is_some(),
+            "--vibration needs raw samples and their --profile"
+        );
+        let options = Options { profile, scene, clutter, whole_range: self.depth.is_none(), vibration };
         let progress = Progress::new(format!("replaying {}", self.file.display()))?;
         let summary = replay(&self.file, &options, &self.out, &mut |share| progress.show(share))?;
         drop(progress);

@@ -2,7 +2,7 @@
 //!
 //! ```text
 //! file --source--> datagrams, UART bytes, LLRP streams, reads --Bridge (firmware)--> packets --Receiver--> Outcome
-//! Outcome --radar, tags--> pictures (.png) and numbers (.npz)
+//! Outcome --radar, tags, vibration--> pictures (.png) and numbers (.npz)
 //! ```
 //!
 //! Nothing is written before the recording has gone through, and every file appears whole.
@@ -10,6 +10,7 @@
 mod radar;
 mod source;
 mod tags;
+mod vibration;
 
 use std::path::{Path, PathBuf};
 
@@ -31,6 +32,9 @@ use crate::npz::NpzError;
 use crate::plot::PlotError;
 use crate::receive::{LinkCounts, RadarFrame, Received, Receiver};
 
+pub use radar::Strongest;
+pub use vibration::Vibration;
+
 /// How a recording is replayed.
 #[derive(Debug, Clone)]
 pub struct Options {
@@ -42,6 +46,17 @@ pub struct Options {
     pub clutter: Option<ClutterRemoval>,
     /// Keep all range bins instead of the scene's depth.
     pub whole_range: bool,
+    /// Measure how a target of raw samples vibrates.
+    pub vibration: Option<VibratingTarget>,
+}
+
+/// Which target's vibration is measured.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum VibratingTarget {
+    /// The strongest.
+    Strongest,
+    /// That at this range.
+    At(Metres),
 }
 
 /// Why a recording cannot be replayed.
@@ -228,7 +243,9 @@ pub struct Summary {
     /// The wire between bridge and host.
     pub uplink: LinkCounts,
     /// Strongest moving target over all frames.
-    pub strongest_moving: Option<radar::Strongest>,
+    pub strongest_moving: Option<Strongest>,
+    /// How the strongest target vibrates, or that at the range asked for.
+    pub vibration: Option<Vibration>,
     /// Figures of the tag reads.
     pub tag_reads: Option<ReadFigures>,
     /// Files that were written.
@@ -265,6 +282,18 @@ pub fn replay(
         strongest_moving = series.strongest();
         outputs.extend(series.write(out)?);
     }
+    let vibration = match (options.vibration, &options.profile) {
+        (Some(target), Some(profile)) => {
+            let range = match target {
+                VibratingTarget::Strongest => None,
+                VibratingTarget::At(range) => Some(range),
+            };
+            let found = vibration::measure(path, profile, range, progress)?;
+            outputs.extend(found.write(out)?);
+            Some(found)
+        }
+        _ => None,
+    };
     let tag_reads = if bridge.tag_reads.is_empty() {
         None
     } else {
@@ -288,6 +317,7 @@ pub fn replay(
         words_clipped: bridge.frames.iter().filter_map(|f| f.info).map(|i| u64::from(i.clipped)).sum(),
         uplink: bridge.receiver.counts(),
         strongest_moving,
+        vibration,
         tag_reads,
         outputs,
         notes,

@@ -231,6 +231,13 @@ impl<'f> RadarSeries<'f> {
         let (_, bins, columns) = map.dim();
         let values = self.over_time(bins, columns, |f, row, column| map[(f, row, column)]);
         let mut panels = vec![self.heatmap("Range over time", values, self.time_axis(), self.range_axis())];
+        // The radar's own profile has all that is still in it.
+        if columns == 1 && self.range_doppler.is_none() {
+            let usual: Vec<f32> = (0..bins).map(|row| median(map.index_axis(Dim(1), row).iter())).collect();
+            let values = self.over_time(bins, 1, |f, row, _| map[(f, row, 0)] - usual[row]);
+            let title = "Range over time, less each range's median: what changes";
+            panels.push(self.heatmap(title, values, self.time_axis(), self.range_axis()));
+        }
         let points = self.points(|p| f64::from(p.position_m.map(|x| x * x).iter().sum::<f32>().sqrt()));
         if !points.is_empty() {
             panels.push(Panel::Lines(Lines {
@@ -302,6 +309,13 @@ impl<'f> RadarSeries<'f> {
         let frames = self.frames.iter().zip(&self.time_s);
         frames.flat_map(|(f, &t)| f.points.iter().map(move |p| (t, p))).map(|(t, p)| (t, value(p))).collect()
     }
+}
+
+/// The median of the values that are there; NaN if there are none.
+fn median<'a>(values: impl Iterator<Item = &'a f32>) -> f32 {
+    let mut sorted: Vec<f32> = values.copied().filter(|v| !v.is_nan()).collect();
+    sorted.sort_by(f32::total_cmp);
+    sorted.get(sorted.len() / 2).copied().unwrap_or(f32::NAN)
 }
 
 /// An axis whose cells are centred on `values`.
