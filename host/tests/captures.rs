@@ -4,11 +4,20 @@
 
 use std::io::Read;
 
+use ndarray::{Array1, Array3};
+use ndarray_npy::NpzReader;
 use num_complex::Complex;
 use rfhoi::datagrams::{DATAGRAM, Datagrams};
 use rfhoi::phase::{PhaseReport, Settings, analyse};
+use rfhoi::profile::{self, Changes};
 use rfhoi::reads::ReadTable;
+use rfhoi::replay::{Options, VibratingTarget, replay};
 use rfhoi::samples::{RawSamples, Repair};
+use rfhoi_firmware::mmwave::cfg::Board;
+use rfhoi_shared::array::AntennaArray;
+use rfhoi_shared::radar::RadarProfile;
+use rfhoi_shared::scene::Scene;
+use rfhoi_shared::units::Metres;
 
 #[path = "../../tests/recorded.rs"]
 mod recorded;
@@ -111,4 +120,76 @@ fn a_recorders_file_is_cut_into_its_datagrams() {
     let mut power = range_power(&stream[..20 * 4 * 256 * 4], 256);
     power[..4].fill(0.0);
     assert_eq!(strongest(&power), 11);
+}
+
+fn whole(profile: RadarProfile) -> Options {
+    Options {
+        profile: Some(profile),
+        scene: Scene::default(),
+        clutter: None,
+        whole_range: true,
+        vibration: None,
+    }
+}
+
+#[test]
+fn a_pipe_at_two_metres_vibrates_at_158_hz() {
+    let (Some(samples), Some(log)) = (
+        recorded("raw_adc/awr1642_pipe_vibration_1000f_1ms.bin"),
+        recorded("raw_adc/awr1642_pipe_LogFile_0.txt"),
+    ) else {
+        return;
+    };
+    let board = Board { array: AntennaArray::Xwr1642Boost, ..Board::default() };
+    let profile = profile::load(log.to_str().unwrap(), board).unwrap();
+    let out = tempfile::tempdir().unwrap();
+    for target in [VibratingTarget::Strongest, VibratingTarget::At(Metres(2.15))] {
+        let options = Options { vibration: Some(target), ..whole(profile.clone()) };
+        let found = replay(&samples, &options, out.path(), &mut |_| true).unwrap().vibration.unwrap();
+        assert!((found.range_m - 2.148).abs() < 0.001 && found.frames == 1_000, "{found:?}");
+        // 0.28 um, 18 dB over the lines around it; its harmonics are at 316 and 474 Hz.
+        assert!((found.frequency_hz - 158.0).abs() < 1.5 && found.rise_db > 15.0, "{found:?}");
+        assert!((0.2..0.4).contains(&found.amplitude_um), "{found:?}");
+    }
+    assert!(out.path().join("vibration.png").is_file() && out.path().join("vibration.npz").is_file());
+}
+
+#[test]
+fn who_walks_straight_is_in_the_range_profile_while_he_stands_and_fades_as_he_walks() {
+    let Some(log) = recorded("uart_tlv/iwr6843aop_straightline_2024-12-09.csv") else { return };
+    // Its profile is not recorded: 512 bins, and the points lie on multiples of 2.86 cm.
+    let changes = Changes {
+        samples: Some(512),
+        slope_mhz_us: Some(95.0),
+        sample_rate_ksps: Some(9_275),
+        frame_ms: Some(100.0),
+        ..Changes::default()
+    };
+    let profile = RadarProfile { array: AntennaArray::Iwr6843Aop, ..RadarProfile::bridge() };
+    let out = tempfile::tempdir().unwrap();
+    replay(&log, &whole(changes.apply(profile).unwrap()), out.path(), &mut |_| true).unwrap();
+    let mut numbers = NpzReader::new(std::fs::File::open(out.path().join("radar.npz")).unwrap()).unwrap();
+    let level: Array3<f32> = numbers.by_name("range_time_db").unwrap();
+    let time: Array1<f64> = numbers.by_name("time_s").unwrap();
+    let range: Array1<f32> = numbers.by_name("range_m").unwrap();
+    assert_eq!(level.dim(), (176, 512, 1));
+    let strongest = |frame: usize, from: f32, to: f32| {
+        let bins = (0..512).filter(|&b| (from..to).contains(&range[b]));
+        bins.max_by(|&a, &b| level[(frame, a, 0)].total_cmp(&level[(frame, b, 0)])).unwrap()
+    };
+    let mut followed = 11.58;
+    for frame in 0..time.len() {
+        match time[frame] {
+            t if t < 3.5 => {
+                followed = range[strongest(frame, followed - 0.2, followed + 0.2)];
+                assert!(t > 2.4 || (followed - 11.576).abs() < 0.03, "{t}: {followed}");
+            }
+            t if t > 9.6 => {
+                let bin = strongest(frame, 1.0, 7.0);
+                assert!((1.4..1.8).contains(&range[bin]), "{t}: {}", range[bin]);
+            }
+            _ => {}
+        }
+    }
+    assert!((10.9..11.3).contains(&followed), "by 3.5 s he has come to {followed}");
 }
