@@ -102,6 +102,11 @@ pub trait Case: Sync {
     /// One draw at `stress`, with the guard or without. The same state of `rng` gives the same draw for both.
     fn trial(&self, stress: f64, guard: bool, rng: &mut ChaCha8Rng) -> Trial;
 
+    /// How many ordinary trials one at `stress` costs: where it is dear, fewer are made.
+    fn cost(&self, _stress: f64) -> u32 {
+        1
+    }
+
     /// Least error that any unbiased method can have at `stress` (Cramer-Rao), where known; root mean square, in the unit of
     /// the measure.
     fn bound(&self, _stress: f64) -> Option<f64> {

@@ -13,7 +13,7 @@ use super::{Case, Verdict};
 /// How much is tried.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Options {
-    /// Draws at each stress.
+    /// Draws at each stress, fewer where one is dear.
     pub trials: u32,
     /// Seed of all draws.
     pub seed: u64,
@@ -116,7 +116,8 @@ pub fn run(
 
 fn point(case: &dyn Case, place: usize, stress: f64, guard: bool, options: Options) -> Point {
     let measure = case.measure();
-    let trials: Vec<_> = (0..options.trials)
+    let count = options.trials.div_ceil(case.cost(stress).max(1));
+    let trials: Vec<_> = (0..count)
         .into_par_iter()
         .map(|trial| {
             // The same draws with and without the guard, others for every case, stress and trial.
@@ -126,7 +127,7 @@ fn point(case: &dyn Case, place: usize, stress: f64, guard: bool, options: Optio
             case.trial(stress, guard, &mut rng)
         })
         .collect();
-    let mut point = Point { stress, trials: options.trials, bound: case.bound(stress), ..Point::default() };
+    let mut point = Point { stress, trials: count, bound: case.bound(stress), ..Point::default() };
     let (mut squares, mut given) = (0.0, 0u32);
     for trial in &trials {
         match trial.verdict(&measure) {
