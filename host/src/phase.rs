@@ -29,6 +29,7 @@ mod frames;
 mod invalid;
 mod offsets;
 mod pipeline;
+mod reader_clock;
 mod report;
 mod rest;
 mod settings;

@@ -16,6 +16,8 @@ pub struct LearningRule {
     /// Largest circular standard deviation, radians. Noise of a still tag is 0.05 to 0.1; a tag at 0.1 m/s turns by 0.8
     /// rad in a visit of 0.2 s, a spread of 0.22.
     pub largest_spread: f64,
+    /// Largest difference of a visit's halves, radians, beyond their noise: a tag at 0.05 m/s makes 0.19 in 0.2 s.
+    pub largest_drift: f64,
     /// Longest visit, us; a longer stay counts as the next one. Readers that do not hop stay on a channel for ever.
     pub longest_us: u64,
     /// A pause within a channel after which it is another visit, us.
@@ -36,6 +38,7 @@ impl Default for LearningRule {
         Self {
             least_reads: 3,
             largest_spread: 0.2,
+            largest_drift: 0.1,
             // The FCC allows 0.4 s on a channel in any 20 s (47 CFR 15.247 (a)(1)(i)).
             longest_us: 400_000,
             pause_us: 1_000_000,

@@ -1,12 +1,14 @@
 //! Where a tag's phase can be next: a Kalman filter of unwrapped phase and its rate.
 //!
-//! The state is the unwrapped phase and its rate, driven by an acceleration that is constant over a step and independent of
-//! the one before (Bar-Shalom, Li and Kirubarajan, "Estimation with Applications to Tracking and Navigation", 2001, section
-//! 6.3.2). The noise of the reads is matched to the innovations. Two things come of it: a step that leads out of the gate is
+//! The state is the unwrapped phase and its rate, driven by an acceleration that is white over longer times than
+//! [`CORRELATION_S`] (Bar-Shalom, Li and Kirubarajan, "Estimation with Applications to Tracking and Navigation", 2001, section
+//! 6.2.2). The noise of the reads is matched to the innovations. Two things come of it: a step that leads out of the gate is
 //! no movement, and a step has one meaning as long as the gate is narrower than a turn.
 
+/// For how long an acceleration lasts, s: a reach's main parts take 0.1 s and more. Over longer steps it is taken for constant.
+const CORRELATION_S: f64 = 0.05;
 /// Reads over which the noise is measured.
-const NOISE_MEMORY: f64 = 16.0;
+const NOISE_MEMORY: f64 = 64.0;
 /// Largest squared innovation over its variance that counts for the noise: one outlier shall not open the gate.
 const LARGEST_RATIO: f64 = 25.0;
 /// Least phase noise, rad: below is rounding to codes and the sway of people and air.
@@ -76,12 +78,12 @@ impl PhaseFilter {
     /// `extra` is the variance that the next read has beyond noise, rad^2.
     pub(super) fn expect(&self, seconds: f64, acceleration: f64, extra: f64) -> Expected {
         let mut predicted = *self;
-        let (t, q) = (seconds, acceleration * acceleration);
+        let (t, q) = (seconds, acceleration * acceleration * seconds.max(CORRELATION_S));
         predicted.total += self.rate * t;
         predicted.phase_variance +=
-            t * (2.0 * self.shared + t * self.rate_variance) + q * t * t * t * t / 4.0;
-        predicted.shared += t * self.rate_variance + q * t * t * t / 2.0;
-        predicted.rate_variance += q * t * t;
+            t * (2.0 * self.shared + t * self.rate_variance) + q * t * t * t / 3.0;
+        predicted.shared += t * self.rate_variance + q * t * t / 2.0;
+        predicted.rate_variance += q * t;
         let noise = self.noise + extra;
         Expected {
             turn: self.rate * t - self.residual,

@@ -13,6 +13,7 @@ use rfhoi_shared::units::BridgeTime;
 use serde::Serialize;
 
 use super::calibration::Calibration;
+use super::reader_clock::ReaderClock;
 use super::tracks::Tracks;
 use super::{Invalid, MAX_ANTENNAS, MAX_TAGS, Settings};
 
@@ -79,12 +80,11 @@ pub struct PhaseFrames {
     listed: bool,
     waiting: VecDeque<TagRead>,
     newest: BridgeTime,
+    clock: ReaderClock,
     /// By tag, then by antenna.
     histories: Vec<History>,
     frame: PhaseFrame,
     dropped: Dropped,
-    /// Whether times of reads were wrong since the frame before.
-    clock_wrong: bool,
 }
 
 /// The last reads of a tag by an antenna.
@@ -143,10 +143,10 @@ impl PhaseFrames {
             listed,
             waiting: VecDeque::with_capacity(WAITING),
             newest: begin,
+            clock: ReaderClock::default(),
             histories: Vec::new(),
             frame: PhaseFrame { begin, end: begin, antennas, differences: Vec::new() },
             dropped: Dropped::default(),
-            clock_wrong: false,
         };
         frames.grow();
         frames
@@ -167,17 +167,16 @@ impl PhaseFrames {
         self.dropped
     }
 
-    /// Takes a read that came with a packet of the bridge's time `sent`. Reads may come a little out of order.
+    /// Takes a read that came with a packet of the bridge's time `sent`. Packets may come a little out of order.
     pub fn push(&mut self, read: &TagRead, sent: BridgeTime) {
         let settings = &self.tracks.settings;
+        self.clock.watch(read.time, sent, settings);
         if read.phase.is_none() {
             self.dropped.without_phase += 1;
         } else if read.time > sent.after(settings.lead_us) {
             self.dropped.from_the_future += 1;
-            self.clock_wrong = true;
         } else if read.time.after(settings.latest_us) < sent {
             self.dropped.long_past += 1;
-            self.clock_wrong = true;
         } else if !(1..=self.frame.antennas).contains(&usize::from(read.antenna.0)) {
             self.dropped.other_antennas += 1;
         } else {
@@ -203,15 +202,16 @@ impl PhaseFrames {
         self.frame.begin = begin;
         self.frame.end = end;
         let antennas = self.frame.antennas;
+        let clock_wrong = self.clock.verdict(end, &self.tracks.settings);
         let cells = self.frame.differences.iter_mut().zip(&mut self.histories).enumerate();
         for (cell, (difference, history)) in cells {
             let holds = Holds::of(&self.tracks, cell / antennas);
-            *difference = match history.difference(begin.0, end.0, holds) {
-                Err(Invalid::NoRead) if self.clock_wrong => Err(Invalid::ClockJump),
+            let found = history.difference(begin.0, end.0, holds);
+            *difference = match found {
+                Ok(_) | Err(Invalid::NoRead) if clock_wrong => Err(Invalid::ClockJump),
                 found => found.map(|turned| turned as f32),
             };
         }
-        self.clock_wrong = false;
         &self.frame
     }
 

@@ -5,8 +5,8 @@
 //! again therefore needs no channel anew: offsets are relative, so the hops that follow compare each channel with the one
 //! before, as ever, and average away the `4 pi dd df / c` by which the new place differs.
 //!
-//! Visits are compared with the visit just before, not with a level kept for long: a slow drift of the tag or the air then
-//! moves all channels alike, which no difference sees.
+//! Visits are compared with the mean of some visits just before: averaged, so that a round over all channels does not add up
+//! their noise, but not for long, as the tag and the air drift.
 
 use rfhoi_shared::units::ChannelIndex;
 
@@ -29,6 +29,16 @@ struct Learnt {
     offset: Offset,
     /// A hop did not fit: not used until a resting tag has shown it again.
     doubted: bool,
+    /// Where it was learnt.
+    place: Option<Whereabouts>,
+}
+
+/// Where the tag is, as far as steps have been valid since an epoch began.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Whereabouts {
+    /// Unwrapped phase, rad.
+    pub(super) phase: f64,
+    pub(super) epoch: u32,
 }
 
 /// The visit that goes on.
@@ -37,8 +47,15 @@ struct Visit {
     channel: ChannelIndex,
     start: u64,
     last: u64,
-    phases: Resultant,
+    /// Phases of the first [`HALF_US`], and those after.
+    early: Resultant,
+    late: Resultant,
 }
+
+/// Half of the 0.2 s that R420s stay on a channel.
+const HALF_US: u64 = 100_000;
+/// Share of a visit in the level that it is compared with.
+const LEVEL_GAIN: f64 = 0.25;
 
 /// Where a still visit left the tag.
 #[derive(Debug, Clone, Copy)]
@@ -79,15 +96,25 @@ impl Offsets {
     /// Takes an offset learnt before.
     pub(super) fn insert(&mut self, channel: ChannelIndex, offset: Offset) {
         if let Some(cell) = place(channel).and_then(|place| self.channels.get_mut(place)) {
-            *cell = Some(Learnt { offset, doubted: false });
+            *cell = Some(Learnt { offset, doubted: false, place: None });
             self.ties = self.ties.max(offset.tie.saturating_add(1));
         }
     }
 
-    /// Corrects a phase, if its channel's offset is known.
-    pub(super) fn correct(&self, channel: ChannelIndex, raw: f64) -> Option<Corrected> {
+    /// Corrects a phase of a tag that is at `now`, if its channel's offset is known. `dispersion` is how much more than in the
+    /// band's middle the channel's phase turns by the way, as a share: what the tag has moved since the offset was learnt, as
+    /// far as that is known, is taken out.
+    pub(super) fn correct(
+        &self,
+        channel: ChannelIndex,
+        raw: f64,
+        now: Whereabouts,
+        dispersion: f64,
+    ) -> Option<Corrected> {
         let learnt = (*self.channels.get(place(channel)?)?)?;
-        let phase = wrap(raw - learnt.offset.radians);
+        let learnt_at = learnt.place.filter(|place| place.epoch == now.epoch);
+        let moved = learnt_at.map_or(0.0, |place| now.phase - place.phase);
+        let phase = wrap(raw - learnt.offset.radians - dispersion * moved);
         Some(Corrected { phase, tie: learnt.offset.tie, doubted: learnt.doubted })
     }
 
@@ -98,12 +125,14 @@ impl Offsets {
         }
     }
 
-    /// A read on `channel` at `time`, us: ends the visit before if it is of another. `rests` is since when the tag rests.
+    /// A read on `channel` at `time`, us: ends the visit before if it is of another. `rests` is since when the tag rests, `now`
+    /// where it is.
     pub(super) fn visit(
         &mut self,
         channel: ChannelIndex,
         time: u64,
         rests: Option<u64>,
+        now: Whereabouts,
         rule: &LearningRule,
     ) {
         let goes_on = self.visit.is_some_and(|visit| {
@@ -115,16 +144,25 @@ impl Offsets {
             return;
         }
         if let Some(ended) = self.visit.take() {
-            self.teach(ended, rests, rule);
+            self.teach(ended, rests, now, rule);
         }
-        self.visit = Some(Visit { channel, start: time, last: time, phases: Resultant::default() });
+        self.visit = Some(Visit { channel, start: time, last: time, early: Resultant::default(), late: Resultant::default() });
     }
 
     /// Adds a phase to the visit that goes on.
     pub(super) fn add(&mut self, time: u64, raw: f64) {
         if let Some(visit) = &mut self.visit {
             visit.last = time;
-            visit.phases.add(raw);
+            let half = if time.saturating_sub(visit.start) < HALF_US { &mut visit.early } else { &mut visit.late };
+            half.add(raw);
+        }
+    }
+
+    /// What the visit has brought so far was wrong.
+    pub(super) fn begin_again(&mut self) {
+        if let Some(visit) = &mut self.visit {
+            visit.early = Resultant::default();
+            visit.late = Resultant::default();
         }
     }
 
@@ -134,18 +172,28 @@ impl Offsets {
         self.settled = None;
     }
 
-    fn teach(&mut self, visit: Visit, rests: Option<u64>, rule: &LearningRule) {
-        let phases = visit.phases;
+    fn teach(&mut self, visit: Visit, rests: Option<u64>, now: Whereabouts, rule: &LearningRule) {
+        let phases = visit.early.and(visit.late);
         let (Some(mean), Some(spread)) = (phases.mean(), phases.standard_deviation()) else { return };
         if phases.count() < rule.least_reads || spread > rule.largest_spread {
             return;
+        }
+        if let Some((early, late)) = visit.early.mean().zip(visit.late.mean()) {
+            // Of the difference of two halves.
+            let noise = 2.0 * spread / (phases.count() as f64).sqrt();
+            if wrap(late - early).abs() > rule.largest_drift + noise {
+                return;
+            }
         }
         let before = self.settled.filter(|settled| {
             visit.start.saturating_sub(settled.end) <= rule.between_us
                 || rests.is_some_and(|since| since <= settled.end)
         });
         let Some(place) = place(visit.channel) else { return };
-        let known = self.channels[place].map(|learnt| learnt.offset);
+        let learnt = self.channels[place];
+        let known = learnt.map(|learnt| learnt.offset);
+        let old_place = learnt.and_then(|learnt| learnt.place).filter(|place| place.epoch == now.epoch);
+        let mut new_place = now;
         let new = |radians, tie| Offset { radians, reads: phases.count(), visits: 1, spread, tie };
         let offset = match (known, before) {
             (None, None) => {
@@ -154,7 +202,10 @@ impl Offsets {
             }
             (None, Some(before)) => new(wrap(mean - before.level), before.tie),
             // Nothing to compare with; it may not have changed.
-            (Some(known), None) => known,
+            (Some(known), None) => {
+                new_place = old_place.unwrap_or(now);
+                known
+            }
             (Some(known), Some(before)) => {
                 let off = wrap(mean - known.radians - before.level);
                 if known.tie != before.tie {
@@ -163,7 +214,11 @@ impl Offsets {
                 } else if off.abs() <= rule.stale {
                     self.stale = self.stale.saturating_sub(1);
                     let visits = (known.visits + 1).min(rule.memory);
-                    let radians = wrap(known.radians + off / f64::from(visits));
+                    let share = 1.0 / f64::from(visits);
+                    if let Some(old) = old_place {
+                        new_place.phase = old.phase + (now.phase - old.phase) * share;
+                    }
+                    let radians = wrap(known.radians + off * share);
                     Offset { radians, reads: known.reads + phases.count(), visits, ..known }
                 } else {
                     self.stale += 1;
@@ -175,10 +230,11 @@ impl Offsets {
             }
         };
         // An offset that nothing was compared with stays doubted.
-        let doubted = before.is_none() && self.channels[place].is_some_and(|learnt| learnt.doubted);
-        self.channels[place] = Some(Learnt { offset, doubted });
-        self.settled =
-            Some(Settled { level: wrap(mean - offset.radians), tie: offset.tie, end: visit.last });
+        let doubted = before.is_none() && learnt.is_some_and(|learnt| learnt.doubted);
+        self.channels[place] = Some(Learnt { offset, doubted, place: Some(new_place) });
+        let here = wrap(mean - offset.radians);
+        let level = before.map_or(here, |before| wrap(before.level + LEVEL_GAIN * wrap(here - before.level)));
+        self.settled = Some(Settled { level, tie: offset.tie, end: visit.last });
     }
 
     /// Makes the offsets of one tie relative to those of another.

@@ -8,6 +8,9 @@ use rfhoi_shared::units::{ChannelIndex, Kilohertz};
 use super::ChannelPlan;
 use super::calibration::LearningRule;
 
+/// Middle of the FCC's band, and what stands for a channel that is not in the plan; the edges differ by 1.4 %.
+const MIDDLE: Kilohertz = Kilohertz(915_000);
+
 /// What the pipeline rests on.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Settings {
@@ -34,6 +37,8 @@ pub struct Settings {
     pub latest_us: u64,
     /// How much later than its packet a read may be, us: rounding and the mapping of clocks.
     pub lead_us: u64,
+    /// How much later than at their quickest reads may come for a second, us, before their clock counts as wrong.
+    pub lag_us: u64,
 }
 
 impl Default for Settings {
@@ -45,9 +50,9 @@ impl Default for Settings {
             channels: ChannelPlan::default(),
             learning: LearningRule::default(),
             flip_tolerance: FLIP_TOLERANCE,
-            // With GATE that admits 24.5 m/s^2. A reach of 0.4 m in 0.8 s takes 3.6, in 0.4 s 14.4 (minimum jerk,
+            // With GATE that admits 25 m/s^2. A reach of 0.4 m in 0.8 s takes 3.6, in 0.4 s 14.4 (minimum jerk,
             // 5.77 D / T^2).
-            acceleration: 7.0,
+            acceleration: 5.5,
             noise: 0.1,
             largest_noise: 0.3,
             hold_us: 500_000,
@@ -55,20 +60,26 @@ impl Default for Settings {
             reorder_us: 30_000,
             latest_us: 500_000,
             lead_us: 10_000,
+            lag_us: 25_000,
         }
     }
 }
 
 impl Settings {
-    /// Half-width of what is plausible, in standard deviations: 1 in 2,000 is beyond.
-    pub(super) const GATE: f64 = 3.5;
+    /// Half-width of what is plausible, in standard deviations: noise is beyond in 1 of 150,000 steps.
+    pub(super) const GATE: f64 = 4.5;
+    /// The same of hops, which are fewer and err more often: 1 of 2,000.
+    pub(super) const HOP_GATE: f64 = 3.5;
 
     /// How far the phase turns by one metre of the tag's distance on `channel`, radians.
     pub(super) fn radians_per_metre(&self, channel: ChannelIndex) -> f64 {
-        // The band's middle where the channel is not in the plan; the edges differ by 1.4 %.
-        const MIDDLE: Kilohertz = Kilohertz(915_000);
         let wavelength = self.channels.frequency(channel).unwrap_or(MIDDLE).wavelength();
         4.0 * PI / f64::from(wavelength.0)
+    }
+
+    /// How much more than in the band's middle the phase turns on `channel`, as a share.
+    pub(super) fn dispersion(&self, channel: ChannelIndex) -> f64 {
+        self.channels.frequency(channel).map_or(0.0, |f| f64::from(f.0) / f64::from(MIDDLE.0) - 1.0)
     }
 
     /// Longest time between reads whose difference has one meaning for the scene's fastest tag, us.

@@ -149,8 +149,9 @@ fn flips_of_the_carriers_sign_are_found_and_marked() {
     let marked =
         reads.iter().filter_map(|r| pipeline.push(r)?.step).filter(|s| s.turned == Err(Invalid::PiAmbiguity));
     let marked = marked.count();
-    let flips = 2 * reads.len().div_ceil(5);
-    assert!(marked + 4 >= flips && marked <= flips, "{marked} of {flips}");
+    // A flipped read is left out, so that the step after it is valid.
+    let flips = reads.len().div_ceil(5);
+    assert!(marked.abs_diff(flips) <= 3, "{marked} of {flips}");
     let (_, report) = analyse(&reads, Settings::default());
     assert_eq!(report.pi_ambiguous.len(), usize::from(CHANNELS));
     assert!(

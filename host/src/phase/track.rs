@@ -12,7 +12,7 @@ use rfhoi_shared::units::ChannelIndex;
 use super::calibration::Offset;
 use super::circular::wrap;
 use super::filter::{Expected, PhaseFilter};
-use super::offsets::{Corrected, Offsets, place};
+use super::offsets::{Corrected, Offsets, Whereabouts, place};
 use super::rest::{Basis, Level, Rest};
 use super::{Invalid, Settings, Step};
 
@@ -65,6 +65,8 @@ pub(super) struct Track {
     level: Level,
     last: Option<Reading>,
     filter: PhaseFilter,
+    /// Counts how often the way was lost.
+    epoch: u32,
     /// Steps in a row that followed the filter.
     steps: u32,
     refused: u32,
@@ -81,6 +83,7 @@ impl Track {
             level: Level::default(),
             last: None,
             filter: PhaseFilter::new(settings.noise, 0.0),
+            epoch: 0,
             steps: 0,
             refused: 0,
             flips: 0.0,
@@ -122,9 +125,9 @@ impl Track {
         let known = place(now.channel).is_some();
         if known {
             let rests = rest.span().map(|(since, _)| since);
-            self.offsets.visit(now.channel, now.time, rests, &settings.learning);
+            self.offsets.visit(now.channel, now.time, rests, self.place(), &settings.learning);
         }
-        let corrected = self.offsets.correct(now.channel, now.raw);
+        let corrected = self.correct(now, settings);
         let (step, taken) = match self.last {
             Some(last) => {
                 let us = now.time - last.time;
@@ -132,8 +135,7 @@ impl Track {
                 (Some(Step { us, turned }), taken)
             }
             None => {
-                self.filter.restart(likely_rate(now.channel, settings));
-                self.steps = 0;
+                self.lose(now, settings);
                 (self.interrupted.take().map(|why| Step { us: 0, turned: Err(why) }), true)
             }
         };
@@ -188,13 +190,14 @@ impl Track {
         let extra = if hop { HOP_NOISE * HOP_NOISE } else { 0.0 };
         let expected =
             self.filter.expect((now.time - from) as f64 * 1e-6, settings.acceleration * scale, extra);
-        let gate = Settings::GATE * expected.variance.sqrt();
+        let deviations = if hop { Settings::HOP_GATE } else { Settings::GATE };
+        let gate = deviations * expected.variance.sqrt();
         let promised = (now.time - last.time) as f64 <= settings.longest_us(now.channel);
         let followed = gate < WIDEST_GATE && (self.steps >= KNOWN_STEPS || resting.is_some());
         if !promised && !followed {
             return (self.restart(now, settings, Invalid::TooLong), true);
         }
-        let turn = match self.turn(last, now, corrected) {
+        let turn = match self.turn(last, now, corrected, settings) {
             Ok(turn) => turn,
             Err(why) => {
                 self.filter.coast(&expected);
@@ -217,11 +220,17 @@ impl Track {
     }
 
     /// The turn modulo 2 pi.
-    fn turn(&self, last: Reading, now: Reading, corrected: Option<Corrected>) -> Result<f64, Invalid> {
+    fn turn(
+        &self,
+        last: Reading,
+        now: Reading,
+        corrected: Option<Corrected>,
+        settings: &Settings,
+    ) -> Result<f64, Invalid> {
         if last.channel == now.channel {
             return Ok(now.raw - last.raw);
         }
-        match (self.offsets.correct(last.channel, last.raw), corrected) {
+        match (self.correct(last, settings), corrected) {
             (Some(last), Some(now)) if last.tie == now.tie => {
                 if last.doubted || now.doubted {
                     return Err(Invalid::StaleCalibration);
@@ -257,6 +266,8 @@ impl Track {
         let why = if self.refused > 0 { Invalid::PiAmbiguity } else { Invalid::Aliased };
         if why == Invalid::Aliased {
             self.latch = Some((now.time, 0));
+        } else {
+            self.offsets.begin_again();
         }
         (self.restart(now, settings, why), true)
     }
@@ -284,9 +295,22 @@ impl Track {
 
     /// Goes on from `now` with nothing known of the rate.
     fn restart(&mut self, now: Reading, settings: &Settings, why: Invalid) -> Result<f64, Invalid> {
+        self.lose(now, settings);
+        Err(why)
+    }
+
+    fn lose(&mut self, now: Reading, settings: &Settings) {
         self.filter.restart(likely_rate(now.channel, settings));
         self.steps = 0;
-        Err(why)
+        self.epoch = self.epoch.wrapping_add(1);
+    }
+
+    fn place(&self) -> Whereabouts {
+        Whereabouts { phase: self.filter.total, epoch: self.epoch }
+    }
+
+    fn correct(&self, read: Reading, settings: &Settings) -> Option<Corrected> {
+        self.offsets.correct(read.channel, read.raw, self.place(), settings.dispersion(read.channel))
     }
 }
 
