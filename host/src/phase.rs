@@ -24,12 +24,24 @@ pub mod ambiguity;
 pub mod calibration;
 mod channels;
 pub mod circular;
+mod filter;
+mod frames;
+mod invalid;
+mod offsets;
 mod pipeline;
+mod reader_clock;
 mod report;
+mod rest;
+mod settings;
+mod track;
+mod tracks;
 
 pub use channels::ChannelPlan;
-pub use pipeline::{Invalid, PhasePipeline, PhaseSample, Settings, Step};
+pub use frames::{Dropped, PhaseFrame, PhaseFrames};
+pub use invalid::Invalid;
+pub use pipeline::{PhasePipeline, PhaseSample, Step};
 pub use report::{IntervalCounts, PhaseReport, analyse};
+pub use settings::Settings;
 
 use rfhoi_shared::tag::{Epc, TagRead};
 use rfhoi_shared::units::{AntennaPort, ChannelIndex};
@@ -37,6 +49,13 @@ use serde::Serialize;
 
 #[cfg(doc)]
 use rfhoi_shared::scene::Scene;
+
+/// Tags of a frame; reads of more are counted and left out.
+pub const MAX_TAGS: usize = 64;
+/// Antennas of a frame, the ports of a reader; reads of more are counted and left out.
+pub const MAX_ANTENNAS: usize = 4;
+/// Channels of a hop table (the FCC's band has 50); reads on more are as of an unknown channel.
+pub const MAX_CHANNELS: usize = 64;
 
 /// Reads that share one offset of the phase.
 #[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord, Hash)]

@@ -35,6 +35,11 @@ impl Resultant {
         self.count += 1;
     }
 
+    /// The angles of both.
+    pub fn and(self, other: Self) -> Self {
+        Self { sum: self.sum + other.sum, count: self.count + other.count }
+    }
+
     /// Angles that were added.
     pub fn count(&self) -> u64 {
         self.count

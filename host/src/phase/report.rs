@@ -10,40 +10,39 @@ use super::ambiguity::AmbiguityDetector;
 use super::circular::{Resultant, pooled_standard_deviation};
 use super::{Invalid, PhaseKey, PhasePipeline, PhaseSample, Settings, Step};
 
-/// Steps between consecutive reads of a tag by an antenna, by what became of them.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize)]
+/// Steps between consecutive reads of a tag by an antenna, by what became of them. As JSON an object with `valid` and each
+/// reason that can be a step's, zero or not.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct IntervalCounts {
     /// Those whose phase difference has one meaning.
     pub valid: u64,
-    /// [`Invalid::NotLater`].
-    pub not_later: u64,
-    /// [`Invalid::ChannelUnknown`].
-    pub channel_unknown: u64,
-    /// [`Invalid::TooLong`].
-    pub too_long: u64,
-    /// [`Invalid::UncalibratedHop`].
-    pub uncalibrated_hop: u64,
-    /// [`Invalid::PiAmbiguity`].
-    pub pi_ambiguity: u64,
+    invalid: [u64; Invalid::ALL.len()],
 }
 
 impl IntervalCounts {
     fn add(&mut self, step: Step) {
-        let count = match step.turned {
+        *match step.turned {
             Ok(_) => &mut self.valid,
-            Err(Invalid::NotLater) => &mut self.not_later,
-            Err(Invalid::ChannelUnknown) => &mut self.channel_unknown,
-            Err(Invalid::TooLong) => &mut self.too_long,
-            Err(Invalid::UncalibratedHop) => &mut self.uncalibrated_hop,
-            Err(Invalid::PiAmbiguity) => &mut self.pi_ambiguity,
-        };
-        *count += 1;
+            Err(why) => &mut self.invalid[why as usize],
+        } += 1;
+    }
+
+    /// Steps that are invalid for this reason.
+    pub fn invalid(&self, why: Invalid) -> u64 {
+        self.invalid[why as usize]
     }
 
     /// All steps.
     pub fn total(&self) -> u64 {
-        let Self { valid, not_later, channel_unknown, too_long, uncalibrated_hop, pi_ambiguity } = self;
-        valid + not_later + channel_unknown + too_long + uncalibrated_hop + pi_ambiguity
+        self.valid + self.invalid.iter().sum::<u64>()
+    }
+}
+
+impl Serialize for IntervalCounts {
+    fn serialize<S: serde::Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        let steps = Invalid::ALL.iter().filter(|&&why| !matches!(why, Invalid::NoRead | Invalid::NeverSeen));
+        let invalid = steps.map(|&why| (why.reason(), self.invalid(why)));
+        serializer.collect_map(std::iter::once(("valid", self.valid)).chain(invalid))
     }
 }
 

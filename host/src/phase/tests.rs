@@ -90,7 +90,7 @@ fn steps_of_a_moving_tag_follow_its_speed_across_hops() {
     assert!(largest_within < TAU / 4096.0 + 1e-4, "{largest_within}");
     // 4 pi dd df / c with 1 m and, from channel 10 back to 1, 4.5 MHz: 0.19 rad.
     assert!(hops > 10 && largest_hop < 0.2, "{hops} hops, {largest_hop}");
-    assert_eq!(report.intervals.valid + report.intervals.uncalibrated_hop, report.intervals.total());
+    assert_eq!(report.intervals.valid + report.intervals.invalid(Invalid::UncalibratedHop), report.intervals.total());
 }
 
 #[test]
@@ -101,7 +101,7 @@ fn an_offset_is_not_learnt_from_a_visit_in_which_the_tag_moves() {
     assert_eq!(report.calibrated_groups, 0);
     assert!(samples.iter().all(|s| s.corrected.is_none()));
     assert_eq!(report.phase_std_after_correction_deg, None);
-    assert!(report.intervals.uncalibrated_hop > 20);
+    assert!(report.intervals.invalid(Invalid::UncalibratedHop) > 20);
 }
 
 #[test]
@@ -145,12 +145,13 @@ fn flips_of_the_carriers_sign_are_found_and_marked() {
     simulated(5, 0.05, |_| 1.3).iter().for_each(|read| {
         still.push(read);
     });
-    let mut pipeline = PhasePipeline::with_calibration(Settings::default(), still.calibration().clone());
+    let mut pipeline = PhasePipeline::with_calibration(Settings::default(), &still.calibration());
     let marked =
         reads.iter().filter_map(|r| pipeline.push(r)?.step).filter(|s| s.turned == Err(Invalid::PiAmbiguity));
     let marked = marked.count();
-    let flips = 2 * reads.len().div_ceil(5);
-    assert!(marked + 4 >= flips && marked <= flips, "{marked} of {flips}");
+    // A flipped read is left out, so that the step after it is valid.
+    let flips = reads.len().div_ceil(5);
+    assert!(marked.abs_diff(flips) <= 3, "{marked} of {flips}");
     let (_, report) = analyse(&reads, Settings::default());
     assert_eq!(report.pi_ambiguous.len(), usize::from(CHANNELS));
     assert!(
@@ -175,7 +176,7 @@ fn reads_without_phase_or_channel_are_counted_and_break_nothing() {
     let reads = [TagRead { phase: None, ..read(0, 1, 0.0) }, read(5_000, 0, 1.0), read(9_000, 0, 1.0)];
     let (samples, report) = analyse(&reads, Settings::default());
     assert_eq!((samples.len(), report.reads, report.without_phase), (2, 3, 1));
-    assert_eq!(report.intervals.channel_unknown, 1);
+    assert_eq!(report.intervals.invalid(Invalid::ChannelUnknown), 1);
     assert_eq!(report.calibrated_groups, 0);
     let json = serde_json::to_string(&report).unwrap();
     assert!(json.contains("\"channel_unknown\":1"), "{json}");
