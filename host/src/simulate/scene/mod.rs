@@ -186,6 +186,21 @@ pub struct Stated {
     pub elevation: Option<bool>,
 }
 
+impl Default for Stated {
+    /// Hands and tags of [`Needs::default`], resolutions of the `bridge` profile to three digits.
+    fn default() -> Self {
+        let Needs { fastest_hand, fastest_tag, .. } = Needs::default();
+        Self {
+            fastest_hand,
+            fastest_tag,
+            range_resolution: Metres(0.043),
+            velocity_resolution: MetresPerSecond(0.141),
+            azimuth: None,
+            elevation: None,
+        }
+    }
+}
+
 /// A box of air between four walls, floor and ceiling.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Room {
