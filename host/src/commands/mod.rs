@@ -3,6 +3,7 @@
 mod bridge;
 mod flash;
 mod inspect;
+mod plan;
 mod replay;
 mod report;
 mod simulate;
@@ -43,6 +44,8 @@ enum Command {
     Replay(replay::Replay),
     /// Make simulated data: sets of labelled samples, recordings, pictures.
     Simulate(Box<simulate::Simulate>),
+    /// Find the smallest profile, maps and antennas that a scene needs, and what they cost.
+    Plan(plan::Plan),
     /// Find, configure and watch bridges in the network.
     Bridge(bridge::Bridge),
     /// Program a board over its debug probe, and follow its log.
@@ -67,6 +70,7 @@ pub(crate) fn run(cli: &Cli) -> ExitCode {
         Command::Inspect(command) => command.run(cli.json),
         Command::Replay(command) => command.run(cli.json),
         Command::Simulate(command) => command.run(cli.json),
+        Command::Plan(command) => command.run(cli.json),
         Command::Bridge(command) => command.run(cli.json),
         Command::Flash(command) => command.run(cli.json),
     };

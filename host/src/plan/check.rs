@@ -3,7 +3,7 @@
 use std::fmt;
 
 use rfhoi_shared::config::{ConfigError, Processing, RadarConfig, RadarInput};
-use rfhoi_shared::radar::{MAX_GATE_BINS, RadarProfile};
+use rfhoi_shared::radar::RadarProfile;
 use rfhoi_shared::scene::Unmet;
 use rfhoi_shared::units::{Metres, MetresPerSecond, Seconds};
 
@@ -11,7 +11,7 @@ use super::instructions::Instructions;
 use super::limits::{Board, LEAST_SAMPLES, Link, SAMPLE_RATES_KSPS, band_end_khz};
 use super::needs::{Antennas, Needs, beam_rad, extent};
 use super::reader::{Reading, Rounds};
-use super::space::{Config, MAP_POINTS};
+use super::space::Config;
 use crate::simulate::scene::FIELD_OF_VIEW_RAD;
 
 /// Bins that a point of a map may stand for. A Hann window has a noise bandwidth of 1.5 bins: neighbours nearer than that are
@@ -132,13 +132,13 @@ impl Binding {
 
 impl fmt::Display for Binding {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let degrees = |n: &u16| if *n == 1 { "" } else { "s" };
+        let plural = |n: &u16| if *n == 1 { "" } else { "s" };
         match self {
             Self::Azimuth(have, need) => {
-                write!(f, "azimuth: {have} position{} of the {need} that the board has", degrees(have))
+                write!(f, "azimuth: {have} position{} of the {need} that the board has", plural(have))
             }
             Self::Elevation(have, need) => {
-                write!(f, "elevation: {have} position{} of the {need} that the board has", degrees(have))
+                write!(f, "elevation: {have} position{} of the {need} that the board has", plural(have))
             }
             Self::RangeBin(bin, need) => {
                 write!(f, "range bin: {:.1} cm, {:.1} cm are needed", bin.0 * 100.0, need.0 * 100.0)
@@ -248,12 +248,14 @@ impl Problem {
     /// The first need or limit that it breaks, in the order of [`Binding`].
     pub fn check(&self, config: &Config) -> Result<Cost, Binding> {
         self.check_radar(&config.profile)?;
-        self.check_maps(config)?;
+        self.check_map(&config.profile, config.map_points)?;
+        self.check_angle_map(&config.profile, config.angle_points)?;
         self.check_reader(config.antennas)?;
         Ok(self.cost(config))
     }
 
-    fn check_radar(&self, profile: &RadarProfile) -> Result<(), Binding> {
+    /// The profile, whatever maps and antennas are.
+    pub(super) fn check_radar(&self, profile: &RadarProfile) -> Result<(), Binding> {
         let Self { needs, means, .. } = self;
         let (width, all) = (extent(profile, |at| at.azimuth), extent(&needs.radar, |at| at.azimuth));
         if needs.azimuth && width < all {
@@ -305,24 +307,27 @@ impl Problem {
         self.means.board.instructions_s * f64::from(profile.frame_period_us) * 1e-6
     }
 
-    fn check_maps(&self, config: &Config) -> Result<(), Binding> {
-        let Config { profile, map_points, angle_points, .. } = config;
+    /// Range-time and range-Doppler maps of this side.
+    pub(super) fn check_map(&self, profile: &RadarProfile, points: u16) -> Result<(), Binding> {
         let bins = profile.gate_to(self.needs.depth).bins.max(profile.loops);
-        let largest = MAP_POINTS[MAP_POINTS.len() - 1];
-        // Bins past what the largest map holds are the profile's matter: a gate has at most that many.
-        debug_assert!(usize::from(largest) >= MAX_GATE_BINS);
-        if f32::from(bins) > BINS_A_POINT * f32::from(*map_points) {
-            return Err(Binding::MapPoints(*map_points, bins));
-        }
-        let beam = beam_rad(profile, |at| at.azimuth).min(beam_rad(profile, |at| at.elevation));
-        let step = 2.0 * FIELD_OF_VIEW_RAD / f32::from(*angle_points);
-        if step * POINTS_A_BEAM > beam {
-            return Err(Binding::AnglePoints(*angle_points, beam.to_degrees()));
+        if f32::from(bins) > BINS_A_POINT * f32::from(points) {
+            return Err(Binding::MapPoints(points, bins));
         }
         Ok(())
     }
 
-    fn check_reader(&self, antennas: u8) -> Result<(), Binding> {
+    /// The angle map of this side.
+    pub(super) fn check_angle_map(&self, profile: &RadarProfile, points: u16) -> Result<(), Binding> {
+        let beam = beam_rad(profile, |at| at.azimuth).min(beam_rad(profile, |at| at.elevation));
+        let step = 2.0 * FIELD_OF_VIEW_RAD / f32::from(points);
+        if step * POINTS_A_BEAM > beam {
+            return Err(Binding::AnglePoints(points, beam.to_degrees()));
+        }
+        Ok(())
+    }
+
+    /// The reader, whatever the radar is.
+    pub(super) fn check_reader(&self, antennas: u8) -> Result<(), Binding> {
         let Needs { tags, fastest_tag, radar, .. } = &self.needs;
         match self.needs.antennas {
             Antennas::Exactly(asked) if antennas != asked => {

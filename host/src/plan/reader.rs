@@ -12,7 +12,7 @@ use rfhoi_shared::units::{BridgeTime, MetresPerSecond, Seconds};
 use serde::Serialize;
 
 use crate::simulate::rfid::channel::{DWELL_S, HOP_S};
-use crate::simulate::rfid::gen2::{AirMode, QAlgorithm};
+use crate::simulate::rfid::gen2::QAlgorithm;
 use crate::simulate::rfid::inventory::{BETWEEN_ROUNDS_S, Options, ROUNDS_PER_TURN, SWITCH_S};
 
 /// Bytes of an EPC-96.
