@@ -10,6 +10,7 @@
 //! * [`stability`]: where these methods break, and whether they say so.
 //! * [`motion`]: recorded human motion, joints over time.
 //! * [`hoi`], [`simulate`]: the vocabulary of actions and objects, and labelled data from a simulated room.
+//! * [`plan`]: the smallest profile, maps and antennas that a scene needs, and what they cost.
 //! * [`plot`]: pictures of maps and of series.
 //! * [`bridge`]: a bridge on the network: found, configured, watched.
 //! * `flash`, with the feature `probe`: boards over their debug probes.
@@ -29,6 +30,7 @@ pub mod maps;
 pub mod motion;
 pub mod npz;
 pub mod phase;
+pub mod plan;
 pub mod plot;
 pub mod profile;
 pub mod reads;

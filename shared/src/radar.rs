@@ -254,7 +254,8 @@ impl RadarProfile {
         u64::from(self.idle_ns) + u64::from(self.ramp_end_ns)
     }
 
-    fn frame_active_ns(&self) -> u64 {
+    /// From a frame's first chirp to the end of its last, ns.
+    pub fn frame_active_ns(&self) -> u64 {
         self.chirp_period_ns() * u64::from(self.chirps_per_frame())
     }
 
@@ -334,12 +335,17 @@ impl RadarProfile {
         f64::from(self.frame_bytes()) / f64::from(DCA1000_PAYLOAD)
     }
 
-    /// Whether the raw samples fit a 100 Mbit/s Ethernet, with the overhead of full datagrams.
-    pub fn fits_100mbit(&self) -> bool {
+    /// Rate on an Ethernet, bit/s, with the overhead of full datagrams.
+    pub fn ethernet_bit_rate(&self) -> f64 {
         // 10 B DCA1000 + 8 UDP + 20 IP + 14 Ethernet + 4 FCS + 8 preamble + 12 gap.
         const OVERHEAD: f64 = 76.0;
         let payload = f64::from(DCA1000_PAYLOAD);
-        self.raw_bit_rate() * (payload + OVERHEAD) / payload <= 100e6
+        self.raw_bit_rate() * (payload + OVERHEAD) / payload
+    }
+
+    /// Whether the raw samples fit a 100 Mbit/s Ethernet, with the overhead of full datagrams.
+    pub fn fits_100mbit(&self) -> bool {
+        self.ethernet_bit_rate() <= 100e6
     }
 
     /// Whether the stock SDK demo runs it: a 1 MiB cube over three transmitters makes samples x loops at most 2^14

@@ -3,6 +3,7 @@
 mod bridge;
 mod flash;
 mod inspect;
+mod plan;
 mod replay;
 mod report;
 mod simulate;
@@ -46,6 +47,8 @@ enum Command {
     Simulate(Box<simulate::Simulate>),
     /// Stress each method until it breaks, and tell whether it says so.
     Stability(stability::Stability),
+    /// Find the smallest profile, maps and antennas that a scene needs, and what they cost.
+    Plan(plan::Plan),
     /// Find, configure and watch bridges in the network.
     Bridge(bridge::Bridge),
     /// Program a board over its debug probe, and follow its log.
@@ -71,6 +74,7 @@ pub(crate) fn run(cli: &Cli) -> ExitCode {
         Command::Replay(command) => command.run(cli.json),
         Command::Simulate(command) => command.run(cli.json),
         Command::Stability(command) => command.run(cli.json),
+        Command::Plan(command) => command.run(cli.json),
         Command::Bridge(command) => command.run(cli.json),
         Command::Flash(command) => command.run(cli.json),
     };

@@ -11,7 +11,7 @@ use rfhoi_shared::wire::Covariance;
 use super::*;
 use crate::aoa::Bartlett;
 use crate::simulate::Capsule;
-use crate::simulate::scene::{Place, RadarPose, Reader, Room};
+use crate::simulate::scene::{Place, RadarPose, Reader, Room, Stated};
 
 /// Small triangles that face the radar and move evenly.
 struct Points {
@@ -73,6 +73,7 @@ fn pair_facing(point: Vec3) -> (Vec3, Vec3) {
 fn hall(profile: RadarProfile) -> Scene {
     Scene {
         name: "hall".into(),
+        stated: Stated::default(),
         room: Room { min: Vec3::splat(-50.0), max: Vec3::splat(50.0), reflectivity: 0.0 },
         furniture: Vec::new(),
         radar: RadarPose { position: Vec3::ZERO, yaw_rad: 0.0, pitch_rad: 0.0, depth_m: 3.05, profile },

@@ -12,10 +12,10 @@ use crate::simulate::effects::Effects;
 
 /// Longest stay on a channel, s. A still tag's recording (`Test15-5-0`): a hop every 203 ms in the median, in which 14
 /// rounds of 14.0 ms fit, then [`HOP_S`].
-pub(super) const DWELL_S: f64 = 0.2;
+pub const DWELL_S: f64 = 0.2;
 /// Without carrier at a hop, s: reads across a hop are 20.1 ms apart in the median, within a channel 14.0 ms (the same
 /// recording).
-pub(super) const HOP_S: f64 = 0.0061;
+pub const HOP_S: f64 = 0.0061;
 /// Middle of the band, Hz.
 const MIDDLE_HZ: f64 = 915e6;
 /// Half of the band, Hz.

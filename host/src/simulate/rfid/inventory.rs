@@ -19,14 +19,14 @@ use crate::simulate::{Capsule, Performance};
 
 /// From a round's slots to the next round's, s: reads of a single tag by a single antenna are 14.03 ms apart within a
 /// channel (`Test15-5-0`), of which the query and the slot take 0.79 ms.
-const BETWEEN_ROUNDS_S: f64 = 0.013_24;
+pub const BETWEEN_ROUNDS_S: f64 = 0.013_24;
 /// Its jitter, standard deviation, s: that of those reads.
 const JITTER_S: f64 = 0.000_36;
 /// Rounds before the next antenna has its turn.
-const ROUNDS_PER_TURN: u32 = 2;
+pub const ROUNDS_PER_TURN: u32 = 2;
 /// Without carrier at a change of antennas, s: reads by antennas that follow each other are 28.9 ms apart at the peak
 /// (the eight `MoveTest1`), which are two rounds and this.
-const SWITCH_S: f64 = 0.0008;
+pub const SWITCH_S: f64 = 0.0008;
 
 /// What the reader looks at.
 #[derive(Clone, Copy)]

@@ -19,7 +19,7 @@ use crate::hoi::Object;
 use crate::phase::circular::{Resultant, wrap};
 use crate::phase::{ChannelPlan, Settings, analyse};
 use crate::simulate::effects::{Domain, Effects};
-use crate::simulate::scene::{RadarPose, Reader, ReaderAntenna, Room, Scene, Tag};
+use crate::simulate::scene::{RadarPose, Reader, ReaderAntenna, Room, Scene, Stated, Tag};
 use crate::simulate::{Capsule, Performance, Surface};
 
 /// Half a 12-bit code each for two phases, and a little for `f32` positions.
@@ -29,6 +29,7 @@ fn scene(antennas: usize) -> Scene {
     let antenna = |n: usize| ReaderAntenna { position: Vec3::new(0.2 * n as f32, 0.1, 1.0), facing: Vec3::Y };
     Scene {
         name: "test".into(),
+        stated: Stated::default(),
         room: Room { min: Vec3::new(-3.0, 0.0, 0.0), max: Vec3::new(3.0, 5.0, 2.6), reflectivity: 0.2 },
         furniture: Vec::new(),
         radar: RadarPose {

@@ -27,10 +27,12 @@ const APART_M: f32 = 0.01;
 const TOUCH_M: f32 = 1e-3;
 
 /// Complains of all that does not fit.
-pub(super) fn check(document: &mut Document<'_>, draft: &Draft) {
+///
+/// The profile is held against the needs only where it is `in_use`.
+pub(super) fn check(document: &mut Document<'_>, draft: &Draft, in_use: bool) {
     counts(document, draft);
     duplicates(document, draft);
-    if let Some(radar) = &draft.radar {
+    if let Some(radar) = draft.radar.as_ref().filter(|_| in_use) {
         sight(document, draft, &radar.value);
     }
     let Some(room) = draft.room.as_ref().map(|r| r.value) else { return };
@@ -131,7 +133,8 @@ fn position(antenna: &At<super::ReaderAntenna>) -> Vec3 {
 
 /// Complains if the profile does not see what the scene needs.
 fn sight(document: &mut Document<'_>, draft: &Draft, radar: &RadarPose) {
-    let Err(unmet) = needs(radar.depth_m, draft.antennas.len()).gate(&radar.profile) else { return };
+    let Some(stated) = &draft.stated else { return };
+    let Err(unmet) = needs(radar.depth_m, draft.antennas.len(), stated).gate(&radar.profile) else { return };
     let others = profile::NAMES.into_iter().filter_map(|name| Some((name, RadarProfile::named(name)?)));
     let name = &draft.profile.value;
     let sentence = match unmet {

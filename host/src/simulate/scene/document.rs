@@ -88,6 +88,15 @@ impl<'t> Document<'t> {
         Some(section)
     }
 
+    /// The section under `key` of `parent`, which may be left away.
+    pub(super) fn optional_section<'d>(
+        &mut self,
+        parent: &Section<'d>,
+        (key, header): (&str, &'static str),
+    ) -> Option<Section<'d>> {
+        parent.table.contains_key(key).then(|| self.section(parent, (key, header), &[]))?
+    }
+
     /// The sections under `key` of `parent`; none is no complaint.
     pub(super) fn sections<'d>(
         &mut self,
@@ -154,6 +163,17 @@ impl<'t> Document<'t> {
         Some(At { line, value: value.try_into().ok()? })
     }
 
+    /// Whether a key says so; `None` where it is left away.
+    pub(super) fn flag(&mut self, section: &Section<'_>, key: &Key) -> Option<bool> {
+        let value = section.table.get(key.name)?;
+        let flag = value.get_ref().as_bool();
+        if flag.is_none() {
+            let line = self.line(&value.span());
+            self.complain_type(line, value, key);
+        }
+        flag
+    }
+
     /// The number of a key.
     pub(super) fn number(&mut self, section: &Section<'_>, key: &Key) -> Option<f32> {
         self.numbers::<1>(section, key).map(|at| at.value[0])
@@ -203,6 +223,7 @@ impl<'t> Document<'t> {
     fn complain_type(&mut self, line: usize, value: &Spanned<DeValue<'_>>, key: &Key) {
         let want = match key.value {
             Value::Text => "a text in quotes".to_owned(),
+            Value::Flag => "true or false".to_owned(),
             Value::Numbers { count: Count::One, .. } => "a number".to_owned(),
             Value::Numbers { count: Count::List(n), .. } => format!("a list of {n} numbers"),
             Value::Numbers { count: Count::UpTo(n), .. } => {

@@ -9,7 +9,7 @@ use crate::simulate::Surface;
 /// Longest edge of a facet of furniture, m.
 const FACET_M: f32 = 0.15;
 /// Height of a standing person's chest over the floor, the middle of what the radar must see, m.
-const CHEST_M: f32 = 1.2;
+pub const CHEST_M: f32 = 1.2;
 /// Height under which people walk, m.
 const HEADROOM_M: f32 = 2.2;
 /// Faces nearer than this to a wall are not seen, m.

@@ -18,6 +18,8 @@ pub(super) struct Key {
 pub(super) enum Value {
     /// A text; it must be given.
     Text,
+    /// True or false; left away, it follows from the scene.
+    Flag,
     /// Numbers within bounds; they must be given unless there is a default.
     Numbers { count: Count, unit: &'static str, least: f64, most: f64, default: Option<&'static [f64]> },
 }
@@ -37,6 +39,7 @@ pub(super) enum Count {
 pub(super) const TOP: &str = "";
 pub(super) const ROOM: &str = "[room]";
 pub(super) const RADAR: &str = "[radar]";
+pub(super) const NEEDS: &str = "[needs]";
 pub(super) const READER: &str = "[reader]";
 pub(super) const ANTENNAS: &str = "[[reader.antennas]]";
 pub(super) const FURNITURE: &str = "[[furniture]]";
@@ -47,6 +50,8 @@ pub(super) const PLACES: &str = "[[places]]";
 /// Coordinates farther from the origin are typing errors, m.
 const FARTHEST: f64 = 50.0;
 const LEVEL: Option<&[f64]> = Some(&[0.0]);
+/// Speeds of hands and tags, m/s.
+const SPEEDS: (f64, f64) = (0.05, 30.0);
 
 const fn numbers(
     count: Count,
@@ -84,6 +89,16 @@ keys! {
         "turn of its boresight upwards";
     DEPTH = RADAR "depth_m", numbers(Count::One, "m", (1.0, FARTHEST), Some(&[3.05])), "3.05",
         "range to which its maps reach; all places are nearer";
+    FASTEST_HAND = NEEDS "fastest_hand_m_s", numbers(Count::One, "m/s", SPEEDS, Some(&[4.0])), "4.0",
+        "fastest radial speed of a hand or body";
+    FASTEST_TAG = NEEDS "fastest_tag_m_s", numbers(Count::One, "m/s", SPEEDS, Some(&[1.5])), "1.5",
+        "fastest radial speed of a tag on a handled thing";
+    RANGE_RESOLUTION = NEEDS "range_resolution_m", numbers(Count::One, "m", (0.02, 1.0), Some(&[0.043])), "0.043",
+        "finest step of range that tells actions apart";
+    VELOCITY_RESOLUTION = NEEDS "velocity_resolution_m_s", numbers(Count::One, "m/s", (0.01, 2.0), Some(&[0.141])), "0.141",
+        "finest step of radial speed that tells actions apart";
+    AZIMUTH = NEEDS "azimuth", Value::Flag, "true", "whether actions are told apart by where they are from left to right";
+    ELEVATION = NEEDS "elevation", Value::Flag, "false", "whether actions are told apart by their height";
     POWER = READER "power_dbm", numbers(Count::One, "dBm", (10.0, 32.5), Some(&[30.0])), "30.0",
         "transmit power";
     ANTENNA_POSITION = ANTENNAS "position_m", point(3), "[0.45, 0.2, 1.0]", "where it is";

@@ -11,16 +11,18 @@ mod geometry;
 mod keys;
 mod read;
 
+use std::borrow::Cow;
 use std::path::Path;
 
 use glam::{Mat3, Vec2, Vec3};
 use rfhoi_shared::radar::{RadarProfile, RangeGate};
 use rfhoi_shared::scene::{Scene as Needs, Unmet};
 use rfhoi_shared::tag::Epc;
-use rfhoi_shared::units::Metres;
+use rfhoi_shared::units::{Metres, MetresPerSecond};
 
 pub use check::{FIELD_OF_VIEW_RAD, NEAREST_M, PERSON_M, WORKPLACE_M};
 pub use error::{Complaint, SceneError};
+pub use geometry::CHEST_M;
 
 use crate::hoi::Object;
 use document::Document;
@@ -45,6 +47,8 @@ pub struct Scene {
     pub name: String,
     /// The walls.
     pub room: Room,
+    /// What the file says of its needs.
+    pub stated: Stated,
     /// What stands in it and never moves.
     pub furniture: Vec<Furniture>,
     /// The radar.
@@ -65,8 +69,17 @@ impl Scene {
     /// # Errors
     /// As [`Self::open`].
     pub fn load(source: &str) -> Result<Self, SceneError> {
-        let named = NAMES.iter().position(|&name| name == source);
-        named.map_or_else(|| Self::open(Path::new(source)), |n| Self::parse(Path::new(source), ROOMS[n]))
+        let path = Path::new(source);
+        Self::parse(path, &text_of(source)?)
+    }
+
+    /// As [`Self::load`], for someone who looks for the profile: that of the file gives the board alone, and may not see
+    /// what the scene needs.
+    ///
+    /// # Errors
+    /// As [`Self::open`].
+    pub fn load_without_profile(source: &str) -> Result<Self, SceneError> {
+        Self::parse_with(Path::new(source), &text_of(source)?, false)
     }
 
     /// The room of this name in [`NAMES`].
@@ -79,9 +92,7 @@ impl Scene {
     /// # Errors
     /// If the file cannot be read, or anything in it is wrong.
     pub fn open(path: &Path) -> Result<Self, SceneError> {
-        let text = std::fs::read_to_string(path)
-            .map_err(|source| SceneError::Read { path: path.to_path_buf(), source })?;
-        Self::parse(path, &text)
+        Self::parse(path, &read_text(path)?)
     }
 
     /// Parses and checks `text`, which was read from `path`.
@@ -89,12 +100,16 @@ impl Scene {
     /// # Errors
     /// [`SceneError::Invalid`] with all that is wrong.
     pub fn parse(path: &Path, text: &str) -> Result<Self, SceneError> {
+        Self::parse_with(path, text, true)
+    }
+
+    fn parse_with(path: &Path, text: &str, profile_in_use: bool) -> Result<Self, SceneError> {
         let (mut document, table) = Document::parse(text);
         let mut scene = None;
         // What half a document lacks is not its author's fault.
         if document.complaints.is_empty() {
             let draft = read::draft(&mut document, &table, path);
-            check::check(&mut document, &draft);
+            check::check(&mut document, &draft, profile_in_use);
             scene = draft.scene();
         }
         let mut complaints = document.complaints;
@@ -110,7 +125,7 @@ impl Scene {
 
     /// What it asks of radar and reader.
     pub fn needs(&self) -> Needs {
-        needs(self.radar.depth_m, self.reader.antennas.len())
+        needs(self.radar.depth_m, self.reader.antennas.len(), &self.stated)
     }
 
     /// The scene with another profile of the radar: as deep as that sees, without the places that are then too far.
@@ -136,9 +151,54 @@ impl Scene {
     }
 }
 
-fn needs(depth_m: f32, antennas: usize) -> Needs {
+fn needs(depth_m: f32, antennas: usize, stated: &Stated) -> Needs {
     let (tags, reader_antennas) = (SAMPLE_TAGS as u8, antennas.min(u8::MAX.into()) as u8);
-    Needs { depth: Metres(depth_m), tags, reader_antennas, ..Needs::default() }
+    let Stated { fastest_hand, fastest_tag, .. } = *stated;
+    Needs { depth: Metres(depth_m), fastest_hand, fastest_tag, tags, reader_antennas }
+}
+
+fn read_text(path: &Path) -> Result<String, SceneError> {
+    std::fs::read_to_string(path).map_err(|source| SceneError::Read { path: path.to_path_buf(), source })
+}
+
+/// The text of the room of this name, or else of the file.
+fn text_of(source: &str) -> Result<Cow<'static, str>, SceneError> {
+    match NAMES.iter().position(|&name| name == source) {
+        Some(n) => Ok(ROOMS[n].into()),
+        None => read_text(Path::new(source)).map(Cow::Owned),
+    }
+}
+
+/// What a scene file says of its needs: section `[needs]`.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Stated {
+    /// Fastest radial speed of a hand or body.
+    pub fastest_hand: MetresPerSecond,
+    /// Fastest radial speed of a tag on a handled thing.
+    pub fastest_tag: MetresPerSecond,
+    /// Finest step of range that tells actions apart.
+    pub range_resolution: Metres,
+    /// Finest step of radial speed that tells actions apart.
+    pub velocity_resolution: MetresPerSecond,
+    /// Whether actions are told apart by azimuth; `None` where the file does not say.
+    pub azimuth: Option<bool>,
+    /// The same of elevation.
+    pub elevation: Option<bool>,
+}
+
+impl Default for Stated {
+    /// Hands and tags of [`Needs::default`], resolutions of the `bridge` profile to three digits.
+    fn default() -> Self {
+        let Needs { fastest_hand, fastest_tag, .. } = Needs::default();
+        Self {
+            fastest_hand,
+            fastest_tag,
+            range_resolution: Metres(0.043),
+            velocity_resolution: MetresPerSecond(0.141),
+            azimuth: None,
+            elevation: None,
+        }
+    }
 }
 
 /// A box of air between four walls, floor and ceiling.

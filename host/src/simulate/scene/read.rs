@@ -6,11 +6,14 @@ use glam::{Mat3, Vec2, Vec3};
 use rfhoi_shared::array::virtual_antennas;
 use rfhoi_shared::radar::RadarProfile;
 use rfhoi_shared::tag::{Epc, MAX_EPC_BYTES};
+use rfhoi_shared::units::{Metres, MetresPerSecond};
 use serde::Deserialize;
 use toml::de::{DeTable, ValueDeserializer};
 
 use super::document::{At, Document, Section, hint};
-use super::{Furniture, Person, Place, RadarPose, ReaderAntenna, Room, Scene, Tag, keys, orientation};
+use super::{
+    Furniture, Person, Place, RadarPose, ReaderAntenna, Room, Scene, Stated, Tag, keys, orientation,
+};
 use crate::bridge::settings::{ProfileSettings, SettingsError};
 use crate::hoi::Object;
 
@@ -26,6 +29,8 @@ pub(super) struct Draft {
     /// Line of the profile, or of the radar where it is left away, and what it is called.
     pub(super) profile: At<String>,
     pub(super) power_dbm: Option<f32>,
+    /// `None` where one of its keys is wrong.
+    pub(super) stated: Option<Stated>,
     /// Line of the reader's section.
     pub(super) reader_line: usize,
     /// With the lines of their positions.
@@ -60,6 +65,7 @@ impl Draft {
         Some(Scene {
             name: self.name?,
             room: self.room?.value,
+            stated: self.stated?,
             furniture: values(self.furniture),
             radar: self.radar?.value,
             reader: super::Reader { antennas: values(self.antennas), power_dbm: self.power_dbm? },
@@ -72,10 +78,11 @@ impl Draft {
 
 /// Reads the document `table` of the file `path`.
 pub(super) fn draft(document: &mut Document<'_>, table: &DeTable<'_>, path: &Path) -> Draft {
-    let sections = ["room", "radar", "profile", "reader", "furniture", "tags", "people", "places"];
+    let sections = ["room", "radar", "profile", "needs", "reader", "furniture", "tags", "people", "places"];
     let top = document.top(table, &sections);
     let name = document.text(&top, &keys::NAME).map(|at| at.value);
     let room = room(document, &top);
+    let stated = stated(document, &top);
     let reader = document.section(&top, ("reader", keys::READER), &["antennas"]);
     let power_dbm = reader.as_ref().and_then(|r| document.number(r, &keys::POWER));
     let reader_line = reader.as_ref().map_or(1, |r| r.line);
@@ -94,6 +101,7 @@ pub(super) fn draft(document: &mut Document<'_>, table: &DeTable<'_>, path: &Pat
         depth_line,
         profile,
         power_dbm,
+        stated,
         reader_line,
         antennas: antennas.iter().filter_map(|s| antenna(document, s)).collect(),
         furniture: furniture.iter().filter_map(|s| furniture_piece(document, s)).collect(),
@@ -130,6 +138,25 @@ fn room(document: &mut Document<'_>, top: &Section<'_>) -> Option<At<Room>> {
     }
     let reflectivity = document.number(&section, &keys::WALLS)?;
     whole.then_some(At { line: section.line, value: Room { min, max, reflectivity } })
+}
+
+/// What the file says of its needs, each left away with its default.
+fn stated(document: &mut Document<'_>, top: &Section<'_>) -> Option<Stated> {
+    let nothing = DeTable::default();
+    let section = document.optional_section(top, ("needs", keys::NEEDS));
+    let section = section.unwrap_or(Section { header: keys::NEEDS, line: 1, table: &nothing });
+    let [hand, tag, range, velocity] =
+        [keys::FASTEST_HAND, keys::FASTEST_TAG, keys::RANGE_RESOLUTION, keys::VELOCITY_RESOLUTION]
+            .map(|key| document.number(&section, &key));
+    let [azimuth, elevation] = [keys::AZIMUTH, keys::ELEVATION].map(|key| document.flag(&section, &key));
+    Some(Stated {
+        fastest_hand: MetresPerSecond(hand?),
+        fastest_tag: MetresPerSecond(tag?),
+        range_resolution: Metres(range?),
+        velocity_resolution: MetresPerSecond(velocity?),
+        azimuth,
+        elevation,
+    })
 }
 
 /// The radar, the line of its depth, and the profile by name.
