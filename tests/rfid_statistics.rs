@@ -17,7 +17,7 @@ use glam::Vec3;
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use rfhoi::phase::circular::{Resultant, wrap};
-use rfhoi::phase::{Settings, analyse};
+use rfhoi::phase::{Invalid, Settings, analyse};
 use rfhoi::reads::ReadTable;
 use rfhoi::simulate::effects::{Domain, Effects};
 use rfhoi::simulate::rfid::measurement::phase_noise;
@@ -213,7 +213,7 @@ impl Carried {
         }
         self.rssi.extend(reads.iter().map(|r| f64::from(r.rssi.dbm())));
         let (_, report) = analyse(reads, Settings::default());
-        self.too_long += report.intervals.too_long as f64;
+        self.too_long += report.intervals.invalid(Invalid::TooLong) as f64;
         self.steps += report.intervals.total() as f64;
     }
 

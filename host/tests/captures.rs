@@ -8,7 +8,7 @@ use ndarray::{Array1, Array3};
 use ndarray_npy::NpzReader;
 use num_complex::Complex;
 use rfhoi::datagrams::{DATAGRAM, Datagrams};
-use rfhoi::phase::{PhaseReport, Settings, analyse};
+use rfhoi::phase::{Invalid, PhaseReport, Settings, analyse};
 use rfhoi::profile::{self, Changes};
 use rfhoi::reads::ReadTable;
 use rfhoi::replay::{Options, VibratingTarget, replay};
@@ -40,12 +40,13 @@ fn a_still_tag_over_fifty_channels() {
     let Some((table, report)) = phases("Test15-5-0") else { return };
     assert_eq!((table.reads.len(), table.duplicates), (3_114, 0));
     assert_eq!((report.groups, report.calibrated_groups), (50, 50));
-    // The same figures come out of numpy.
+    // The same figure comes out of numpy.
     assert_eq!(rounded(report.phase_std_within_channel_deg, 2), Some(2.86));
-    assert_eq!(rounded(report.phase_std_after_correction_deg, 2), Some(3.69));
+    // 3.69 with the offsets of the first visits alone, which are not refined.
+    assert_eq!(rounded(report.phase_std_after_correction_deg, 2), Some(3.57));
     assert_eq!(report.corrected, 2_401, "held out: the first visits' 713 reads do not count");
-    // A read every 14 ms; each channel is new once, so 50 hops have no offset yet.
-    assert_eq!((report.intervals.valid, report.intervals.uncalibrated_hop), (3_063, 50));
+    // A read every 14 ms; each channel but the first is new once, so 49 hops have no offset yet.
+    assert_eq!((report.intervals.valid, report.intervals.invalid(Invalid::UncalibratedHop)), (3_064, 49));
     assert_eq!(report.intervals.total(), 3_113);
     assert!(report.pi_ambiguous.is_empty());
 }
@@ -59,10 +60,11 @@ fn a_tag_walked_past_four_antennas_is_read_too_seldom_for_its_speed() {
         assert!(report.calibrated_groups <= 1, "the tag is never still: {report:?}");
         assert!(report.pi_ambiguous.is_empty(), "{report:?}");
         let intervals = report.intervals;
-        counts = (counts.0 + intervals.valid, counts.1 + intervals.too_long, counts.2 + intervals.total());
+        let too_long = intervals.invalid(Invalid::TooLong);
+        counts = (counts.0 + intervals.valid, counts.1 + too_long, counts.2 + intervals.total());
     }
     // Four antennas in turn leave about 160 ms between the reads of one, where 1.5 m/s allows 55 ms.
-    assert_eq!(counts, (33, 1_289, 1_375));
+    assert_eq!(counts, (35, 1_289, 1_375));
 }
 
 /// Mean power of each range bin over the chirps of a stream of `samples` complex samples each, I first.

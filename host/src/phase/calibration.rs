@@ -18,6 +18,8 @@ pub struct LearningRule {
     pub largest_spread: f64,
     /// Largest difference of a visit's halves, radians, beyond their noise: a tag at 0.05 m/s makes 0.19 in 0.2 s.
     pub largest_drift: f64,
+    /// The same of some visits' mean.
+    pub largest_mean_drift: f64,
     /// Longest visit, us; a longer stay counts as the next one. Readers that do not hop stay on a channel for ever.
     pub longest_us: u64,
     /// A pause within a channel after which it is another visit, us.
@@ -39,6 +41,7 @@ impl Default for LearningRule {
             least_reads: 3,
             largest_spread: 0.2,
             largest_drift: 0.1,
+            largest_mean_drift: 0.05,
             // The FCC allows 0.4 s on a channel in any 20 s (47 CFR 15.247 (a)(1)(i)).
             longest_us: 400_000,
             pause_us: 1_000_000,
@@ -117,9 +120,9 @@ mod hex {
 
 impl From<Vec<Row>> for Calibration {
     fn from(rows: Vec<Row>) -> Self {
-        let offsets = rows.into_iter().map(|row| {
-            (PhaseKey { epc: row.epc, antenna: row.antenna, channel: row.channel }, row.offset)
-        });
+        let offsets = rows
+            .into_iter()
+            .map(|row| (PhaseKey { epc: row.epc, antenna: row.antenna, channel: row.channel }, row.offset));
         Self { offsets: offsets.collect() }
     }
 }

@@ -80,8 +80,7 @@ impl PhaseFilter {
         let mut predicted = *self;
         let (t, q) = (seconds, acceleration * acceleration * seconds.max(CORRELATION_S));
         predicted.total += self.rate * t;
-        predicted.phase_variance +=
-            t * (2.0 * self.shared + t * self.rate_variance) + q * t * t * t / 3.0;
+        predicted.phase_variance += t * (2.0 * self.shared + t * self.rate_variance) + q * t * t * t / 3.0;
         predicted.shared += t * self.rate_variance + q * t * t / 2.0;
         predicted.rate_variance += q * t;
         let noise = self.noise + extra;

@@ -271,11 +271,7 @@ impl Holds {
     fn of(tracks: &Tracks, tag: usize) -> Self {
         let settings = &tracks.settings;
         let longest = settings.scene.longest_read_interval(None);
-        Self {
-            moving_us: (longest.0 * 1e6) as u64,
-            resting_us: settings.hold_us,
-            rest: tracks.rest(tag),
-        }
+        Self { moving_us: (longest.0 * 1e6) as u64, resting_us: settings.hold_us, rest: tracks.rest(tag) }
     }
 
     fn holds(&self, point: u64, border: u64) -> bool {
@@ -359,3 +355,7 @@ impl History {
         Ok(Border { time, phase, point })
     }
 }
+
+#[cfg(test)]
+#[path = "frames_tests.rs"]
+mod tests;

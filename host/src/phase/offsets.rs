@@ -8,6 +8,8 @@
 //! Visits are compared with the mean of some visits just before: averaged, so that a round over all channels does not add up
 //! their noise, but not for long, as the tag and the air drift.
 
+use std::f64::consts::PI;
+
 use rfhoi_shared::units::ChannelIndex;
 
 use super::MAX_CHANNELS;
@@ -21,6 +23,8 @@ pub(super) struct Offsets {
     ties: u32,
     visit: Option<Visit>,
     settled: Option<Settled>,
+    /// Mean difference of visits' halves, rad.
+    drift: f64,
     stale: u32,
 }
 
@@ -50,12 +54,18 @@ struct Visit {
     /// Phases of the first [`HALF_US`], and those after.
     early: Resultant,
     late: Resultant,
+    /// Reads half a turn off.
+    flipped: u64,
 }
 
+/// Share of flipped reads up to which the others are right.
+const MINORITY: f64 = 0.4;
 /// Half of the 0.2 s that R420s stay on a channel.
 const HALF_US: u64 = 100_000;
 /// Share of a visit in the level that it is compared with.
-const LEVEL_GAIN: f64 = 0.25;
+const LEVEL_GAIN: f64 = 0.5;
+/// Share of a visit in the mean drift.
+const DRIFT_GAIN: f64 = 0.3;
 
 /// Where a still visit left the tag.
 #[derive(Debug, Clone, Copy)]
@@ -77,7 +87,7 @@ pub(super) struct Corrected {
 
 impl Default for Offsets {
     fn default() -> Self {
-        Self { channels: vec![None; MAX_CHANNELS], ties: 0, visit: None, settled: None, stale: 0 }
+        Self { channels: vec![None; MAX_CHANNELS], ties: 0, visit: None, settled: None, drift: 0.0, stale: 0 }
     }
 }
 
@@ -146,23 +156,42 @@ impl Offsets {
         if let Some(ended) = self.visit.take() {
             self.teach(ended, rests, now, rule);
         }
-        self.visit = Some(Visit { channel, start: time, last: time, early: Resultant::default(), late: Resultant::default() });
+        self.visit = Some(Visit {
+            channel,
+            start: time,
+            last: time,
+            early: Resultant::default(),
+            late: Resultant::default(),
+            flipped: 0,
+        });
     }
 
     /// Adds a phase to the visit that goes on.
     pub(super) fn add(&mut self, time: u64, raw: f64) {
         if let Some(visit) = &mut self.visit {
             visit.last = time;
-            let half = if time.saturating_sub(visit.start) < HALF_US { &mut visit.early } else { &mut visit.late };
+            let half =
+                if time.saturating_sub(visit.start) < HALF_US { &mut visit.early } else { &mut visit.late };
             half.add(raw);
         }
     }
 
-    /// What the visit has brought so far was wrong.
+    /// A read of the visit was half a turn off those added.
+    pub(super) fn flipped(&mut self) {
+        if let Some(visit) = &mut self.visit {
+            visit.flipped += 1;
+        }
+    }
+
+    /// The reads of the visit that were half a turn off were right, and those added were not.
     pub(super) fn begin_again(&mut self) {
         if let Some(visit) = &mut self.visit {
-            visit.early = Resultant::default();
-            visit.late = Resultant::default();
+            *visit = Visit {
+                early: Resultant::default(),
+                late: Resultant::default(),
+                flipped: visit.early.count() + visit.late.count(),
+                ..*visit
+            };
         }
     }
 
@@ -178,10 +207,20 @@ impl Offsets {
         if phases.count() < rule.least_reads || spread > rule.largest_spread {
             return;
         }
+        // The carrier's sign is what most reads say, if they do.
+        let mean = match visit.flipped as f64 / (visit.flipped + phases.count()) as f64 {
+            share if share < MINORITY => mean,
+            share if share > 1.0 - MINORITY => wrap(mean + PI),
+            _ => return,
+        };
         if let Some((early, late)) = visit.early.mean().zip(visit.late.mean()) {
-            // Of the difference of two halves.
-            let noise = 2.0 * spread / (phases.count() as f64).sqrt();
-            if wrap(late - early).abs() > rule.largest_drift + noise {
+            let drift = wrap(late - early);
+            self.drift += DRIFT_GAIN * (drift - self.drift);
+            // Half a standard deviation of the difference of two halves is this.
+            let noise = spread / (phases.count() as f64).sqrt();
+            if drift.abs() > rule.largest_drift + 3.0 * noise
+                || self.drift.abs() > rule.largest_mean_drift + noise
+            {
                 return;
             }
         }

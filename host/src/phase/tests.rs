@@ -90,7 +90,10 @@ fn steps_of_a_moving_tag_follow_its_speed_across_hops() {
     assert!(largest_within < TAU / 4096.0 + 1e-4, "{largest_within}");
     // 4 pi dd df / c with 1 m and, from channel 10 back to 1, 4.5 MHz: 0.19 rad.
     assert!(hops > 10 && largest_hop < 0.2, "{hops} hops, {largest_hop}");
-    assert_eq!(report.intervals.valid + report.intervals.invalid(Invalid::UncalibratedHop), report.intervals.total());
+    assert_eq!(
+        report.intervals.valid + report.intervals.invalid(Invalid::UncalibratedHop),
+        report.intervals.total()
+    );
 }
 
 #[test]
@@ -180,4 +183,70 @@ fn reads_without_phase_or_channel_are_counted_and_break_nothing() {
     assert_eq!(report.calibrated_groups, 0);
     let json = serde_json::to_string(&report).unwrap();
     assert!(json.contains("\"channel_unknown\":1"), "{json}");
+}
+
+#[test]
+fn a_calibration_survives_as_json_and_serves_the_next_session() {
+    let reads = simulated(5, 0.02, |_| 1.3);
+    let mut first = PhasePipeline::new(Settings::default());
+    for read in &reads {
+        first.push(read);
+    }
+    let learnt = first.calibration();
+    let json = serde_json::to_string(&learnt).unwrap();
+    assert!(json.starts_with(r#"[{"epc":"e280","antenna":1,"channel":1,"radians":"#), "{json}");
+    let kept: calibration::Calibration = serde_json::from_str(&json).unwrap();
+    // JSON's decimals may be off by the last bit.
+    let same = kept.offsets().zip(learnt.offsets()).all(|((key, kept), (other, offset))| {
+        key == other && kept.tie == offset.tie && (kept.radians - offset.radians).abs() < 1e-12
+    });
+    assert!(same && kept.offsets().count() == usize::from(CHANNELS));
+    assert!(serde_json::from_str::<calibration::Calibration>(&json.replace("e280", "e28")).is_err());
+    let mut second = PhasePipeline::with_calibration(Settings::default(), &kept);
+    let invalid = reads.iter().filter_map(|r| second.push(r)?.step?.turned.err()).count();
+    assert_eq!(invalid, 0, "no hop is new");
+}
+
+#[test]
+fn a_channel_never_visited_at_rest_is_learnt_when_the_tag_rests_elsewhere() {
+    // Channels 8 to 10 come for the first time after the tag has been moved by 0.4 m within the second round's first visits.
+    let moved = |s: f64| 1.0 + 0.4 * ((s - 2.2) / 1.0).clamp(0.0, 1.0);
+    let mut reads = simulated(8, 0.05, moved);
+    reads.retain(|read| read.channel.0 < 8 || read.time.0 > 3_400_000);
+    let mut pipeline = PhasePipeline::new(Settings::default());
+    let samples: Vec<_> = reads.iter().filter_map(|read| pipeline.push(read)).collect();
+    assert_eq!(pipeline.calibration().offsets().count(), usize::from(CHANNELS));
+    let ties: std::collections::BTreeSet<_> = pipeline.calibration().offsets().map(|(_, o)| o.tie).collect();
+    assert_eq!(ties.len(), 1, "all are relative to each other");
+    let late = samples.iter().filter(|sample| sample.time.0 > 5_800_000);
+    let turned: Vec<_> = late.map(|sample| sample.step.unwrap().turned.unwrap()).collect();
+    assert!(turned.iter().all(|turned| turned.abs() < 0.4), "{turned:?}");
+}
+
+#[test]
+fn a_calibration_that_has_become_wrong_is_told_forgotten_and_learnt_anew() {
+    let mut reads = simulated(12, 0.05, |_| 1.3);
+    for read in reads.iter_mut().filter(|read| read.time.0 >= 4_000_000) {
+        let shift = u32::from(read.channel.0) * 1_500;
+        read.phase = read.phase.map(|p| PhaseCode(((u32::from(p.0) + shift) % 4_096) as u16));
+    }
+    let mut pipeline = PhasePipeline::new(Settings::default());
+    let steps: Vec<_> = reads
+        .iter()
+        .filter_map(|read| pipeline.push(read))
+        .filter_map(|sample| Some((sample.time.0, sample.step?.turned)))
+        .collect();
+    let stale = steps.iter().filter(|(_, turned)| *turned == Err(Invalid::StaleCalibration)).count();
+    assert!((1..=usize::from(CHANNELS)).contains(&stale), "{stale}");
+    let wrong = steps.iter().filter(|(_, turned)| turned.is_ok_and(|turned| turned.abs() > 0.5));
+    assert_eq!(wrong.count(), 0);
+    assert!(steps.iter().filter(|(time, _)| *time > 8_500_000).all(|(_, turned)| turned.is_ok()));
+}
+
+#[test]
+fn reasons_have_names_and_texts() {
+    for why in Invalid::ALL {
+        assert_eq!(serde_json::to_string(why).unwrap(), format!("\"{}\"", why.reason()));
+        assert!(!why.to_string().is_empty());
+    }
 }

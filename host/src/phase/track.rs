@@ -30,10 +30,10 @@ const MOST_REFUSED: u32 = 3;
 const KNOWN_STEPS: u32 = 3;
 /// Steps that are short enough for the scene's fastest hand after which aliasing is over.
 const STEADY_STEPS: u32 = 4;
-/// A tag that rests may sway by as much, m/s.
-const REST_SPEED: f64 = 0.1;
-/// What a hop adds to the noise, rad: errors of two offsets, and `4 pi dd df / c` with 0.3 m and 10 MHz.
-const HOP_NOISE: f64 = 0.12;
+/// A tag that counts as resting may just have begun to move, with this standard deviation of its speed, m/s.
+const REST_SPEED: f64 = 0.2;
+/// What a hop adds to the noise, rad: errors of two offsets, each the mean of a visit's reads.
+const HOP_NOISE: f64 = 0.08;
 /// What the level of a resting tag may be off beyond noise, rad: sway, and errors of offsets.
 const REST_BAND: f64 = 0.1;
 
@@ -63,7 +63,7 @@ pub(super) struct Look {
 pub(super) struct Track {
     offsets: Offsets,
     level: Level,
-    last: Option<Reading>,
+    last: Option<(Reading, Option<Corrected>)>,
     filter: PhaseFilter,
     /// Counts how often the way was lost.
     epoch: u32,
@@ -118,7 +118,7 @@ impl Track {
 
     /// Takes a read. `rest` is what all antennas know of the tag.
     pub(super) fn push(&mut self, now: Reading, rest: &mut Rest, settings: &Settings) -> Look {
-        if self.last.is_some_and(|last| now.time <= last.time) {
+        if self.last.is_some_and(|(last, _)| now.time <= last.time) {
             let step = Some(Step { us: 0, turned: Err(Invalid::NotLater) });
             return Look { corrected: None, step, taken: false };
         }
@@ -129,7 +129,7 @@ impl Track {
         }
         let corrected = self.correct(now, settings);
         let (step, taken) = match self.last {
-            Some(last) => {
+            Some((last, _)) => {
                 let us = now.time - last.time;
                 let (turned, taken) = self.step(last, now, corrected, rest, settings);
                 (Some(Step { us, turned }), taken)
@@ -142,7 +142,7 @@ impl Track {
         if taken {
             self.refused = 0;
             self.flips *= 1.0 - 1.0 / FLIP_MEMORY;
-            self.last = Some(now);
+            self.last = Some((now, corrected));
             if known {
                 self.offsets.add(now.time, now.raw);
                 self.watch(now, corrected, rest, settings);
@@ -157,7 +157,7 @@ impl Track {
             Some(Corrected { phase, tie, doubted: false }) => (Basis::Tie(tie), phase),
             _ => (Basis::Channel(now.channel.0), now.raw),
         };
-        let band = Settings::GATE * self.filter.noise() + REST_BAND;
+        let band = Settings::HOP_GATE * self.filter.noise() + REST_BAND;
         match self.level.look(basis, phase, now.time, band) {
             Some((still, us)) => {
                 rest.look(now.time, still, (us as f64) <= settings.longest_us(now.channel));
@@ -191,9 +191,16 @@ impl Track {
         let expected =
             self.filter.expect((now.time - from) as f64 * 1e-6, settings.acceleration * scale, extra);
         let deviations = if hop { Settings::HOP_GATE } else { Settings::GATE };
-        let gate = deviations * expected.variance.sqrt();
-        let promised = (now.time - last.time) as f64 <= settings.longest_us(now.channel);
-        let followed = gate < WIDEST_GATE && (self.steps >= KNOWN_STEPS || resting.is_some());
+        let mut gate = deviations * expected.variance.sqrt();
+        let half_turns = (now.time - last.time) as f64 / settings.longest_us(now.channel);
+        let promised = half_turns <= 1.0;
+        let known = self.steps >= KNOWN_STEPS || resting.is_some();
+        if !known {
+            // The scene's fastest tag turns no further.
+            let noise = (2.0 * self.filter.noise() * self.filter.noise() + extra).sqrt();
+            gate = gate.min(half_turns * PI + Settings::HOP_GATE * noise);
+        }
+        let followed = gate < WIDEST_GATE && known;
         if !promised && !followed {
             return (self.restart(now, settings, Invalid::TooLong), true);
         }
@@ -208,8 +215,7 @@ impl Track {
             return (self.restart(now, settings, Invalid::PiAmbiguity), true);
         }
         // Where the gate is wider than a turn, the scene's promise is all there is: the nearest to no turn.
-        let beyond =
-            if gate < WIDEST_GATE { wrap(turn - expected.turn) } else { wrap(turn) - expected.turn };
+        let beyond = if gate < WIDEST_GATE { wrap(turn - expected.turn) } else { wrap(turn) - expected.turn };
         if gate < WIDEST_GATE && beyond.abs() > gate {
             return self.implausible(now, &expected, beyond, gate, hop, settings);
         }
@@ -230,7 +236,10 @@ impl Track {
         if last.channel == now.channel {
             return Ok(now.raw - last.raw);
         }
-        match (self.correct(last, settings), corrected) {
+        // As it was corrected when it was read: what its offset has been refined by since is no movement.
+        let before = self.last.and_then(|(_, corrected)| corrected);
+        let before = before.filter(|before| corrected.is_some_and(|now| now.tie == before.tie));
+        match (before.or_else(|| self.correct(last, settings)), corrected) {
             (Some(last), Some(now)) if last.tie == now.tie => {
                 if last.doubted || now.doubted {
                     return Err(Invalid::StaleCalibration);
@@ -255,6 +264,7 @@ impl Track {
         if PI - beyond.abs() <= tolerance && self.refused < MOST_REFUSED {
             self.refused += 1;
             self.flips += 1.0;
+            self.offsets.flipped();
             return (Err(Invalid::PiAmbiguity), false);
         }
         if hop {

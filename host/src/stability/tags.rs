@@ -66,20 +66,26 @@ pub fn cases() -> Vec<Box<dyn Case>> {
         case(
             "phase-read-rate",
             "A tag is read too seldom for its speed; the scene's fastest tag limits the time between reads",
-            ("time between reads", "ms", &[5.0, 10.0, 14.0, 20.0, 30.0, 40.0, 50.0, 60.0, 80.0, 100.0, 150.0, 200.0]),
+            (
+                "time between reads",
+                "ms",
+                &[5.0, 10.0, 14.0, 20.0, 30.0, 40.0, 50.0, 60.0, 80.0, 100.0, 150.0, 200.0],
+            ),
             |ms, rng| Reach { interval_s: ms * 1e-3, ..Reach::default() }.draw(rng),
         ),
         case(
             "phase-speed",
             "A tag read each 14 ms moves ever faster; acceleration out of the gate latches",
             ("highest speed", "m/s", SPEEDS),
-            |speed, rng| Reach { speed, metres: 0.8, ..Reach::default() }.draw(rng),
+            |speed, rng| Reach { speed, metres: speed.min(0.8), ..Reach::default() }.draw(rng),
         ),
         case(
             "phase-speed-seldom-read",
             "A tag read each 40 ms moves ever faster, past the 2 m/s at which steps alias; acceleration out of the gate latches",
             ("highest speed", "m/s", SPEEDS),
-            |speed, rng| Reach { speed, metres: 0.8, interval_s: 0.04, ..Reach::default() }.draw(rng),
+            |speed, rng| {
+                Reach { speed, metres: speed.min(0.8), interval_s: 0.04, ..Reach::default() }.draw(rng)
+            },
         ),
         case(
             "phase-lost-antenna",
@@ -173,7 +179,8 @@ pub fn cases() -> Vec<Box<dyn Case>> {
                 label: "jump of the reader's clock",
                 unit: "s",
                 values: &[
-                    -10.0, -3.0, -1.0, -0.5, -0.2, -0.1, -0.05, -0.02, 0.0, 0.02, 0.05, 0.1, 0.2, 0.5, 1.0, 3.0, 10.0,
+                    -10.0, -3.0, -1.0, -0.5, -0.2, -0.1, -0.05, -0.02, 0.0, 0.02, 0.05, 0.1, 0.2, 0.5, 1.0,
+                    3.0, 10.0,
                 ],
             },
             measure: WORST,

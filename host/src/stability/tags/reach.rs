@@ -2,14 +2,12 @@
 
 use std::f64::consts::{PI, TAU};
 
-use rand::seq::SliceRandom;
 use rand::RngExt;
+use rand::seq::SliceRandom;
 use rand_chacha::ChaCha8Rng;
 use rand_distr::StandardNormal;
 use rfhoi_shared::tag::{Epc, TagRead};
-use rfhoi_shared::units::{
-    AntennaPort, BridgeTime, CentiDbm, ChannelIndex, PhaseCode, SPEED_OF_LIGHT,
-};
+use rfhoi_shared::units::{AntennaPort, BridgeTime, CentiDbm, ChannelIndex, PhaseCode, SPEED_OF_LIGHT};
 
 use crate::phase::circular::wrap;
 use crate::phase::{ChannelPlan, PhaseFrames, PhasePipeline, Settings};
@@ -26,8 +24,8 @@ const FRAME_US: u64 = 100_000;
 const LAG_US: u64 = 20_000;
 /// The bridge's time when it begins, us.
 const EPOCH_US: u64 = 20_000_000;
-/// From then to the movement at the earliest, us: all channels are visited.
-const LEARNING_US: u64 = 2_400_000;
+/// From then to the movement at the earliest, us: all channels are visited twice.
+const LEARNING_US: u64 = 4_400_000;
 /// Rest after the movement, us.
 const REST_US: u64 = 600_000;
 /// Phase codes come in steps of four, as an R420's.
@@ -69,8 +67,7 @@ pub(super) struct Reads {
 impl Reach {
     /// Draws channels, offsets, the moment and the reads.
     pub(super) fn draw(self, rng: &mut ChaCha8Rng) -> Reads {
-        let mut order: Vec<_> =
-            (0..CHANNELS).map(|n| ChannelIndex((n * CHANNEL_STEP) as u16 + 1)).collect();
+        let mut order: Vec<_> = (0..CHANNELS).map(|n| ChannelIndex((n * CHANNEL_STEP) as u16 + 1)).collect();
         order.shuffle(rng);
         let offsets: Vec<f64> =
             (0..CHANNELS * usize::from(self.antennas)).map(|_| TAU * rng.random::<f64>()).collect();
