@@ -1,7 +1,7 @@
 //! A clean stream of a simulated radar: the host's maps are those of the signal processing run on the same chirps, and a
 //! hand that moves is where it is.
 
-use rfhoi::aoa::Bartlett;
+use rfhoi::aoa::{Estimator, Settings};
 use rfhoi::receive::{HeatMap, RadarFrame};
 use rfhoi_firmware::dsp::{Cube, CubeShape, DopplerStage, RangeStage, level};
 use rfhoi_shared::config::RadarConfig;
@@ -108,7 +108,8 @@ fn a_moving_hand_is_at_its_range_velocity_and_angle() {
     measurement.scatterers[0].azimuth_rad = azimuth_deg.to_radians();
     measurement.scatterers[0].elevation_rad = elevation_deg.to_radians();
     let outcome = run(&configuration(measurement.profile.clone()), measurement.datagrams());
-    let grid = Bartlett::new(&measurement.profile, 41).expect("the geometry is known");
+    let mut estimator =
+        Estimator::new(&measurement.profile, Settings::bartlett(41)).expect("the geometry is known");
     for frame in &outcome.frames {
         let (range, column) = measurement.cell(0, frame.frame);
         let (row, strongest_column, level_db) = strongest(whole(&frame.range_doppler));
@@ -118,9 +119,11 @@ fn a_moving_hand_is_at_its_range_velocity_and_angle() {
         // 20 log10(0.05), less up to 1.4 dB of the Hann window between two bins, and half a code.
         assert!((-27.75..-25.75).contains(&level_db), "frame {}: {level_db} dB", frame.frame);
         assert!(frame.info.expect("the frame's end arrived").moving_cells > 0);
-        let spectrum = grid.spectrum(frame.covariance.as_ref().expect("it arrived")).expect("of this array");
-        let ((e, a), _) = spectrum.indexed_iter().max_by(|a, b| a.1.total_cmp(b.1)).expect("a grid");
-        let found = (f64::from(grid.azimuth_deg[a]), f64::from(grid.elevation_deg[e]));
+        estimator.estimate(frame.covariance.as_ref().expect("it arrived"), 1);
+        let map = estimator.map_db().iter().enumerate();
+        let (place, _) = map.max_by(|a, b| a.1.total_cmp(b.1)).expect("a grid");
+        let (e, a) = (place / estimator.azimuth_deg().len(), place % estimator.azimuth_deg().len());
+        let found = (f64::from(estimator.azimuth_deg()[a]), f64::from(estimator.elevation_deg()[e]));
         assert!((found.0 - azimuth_deg).abs() < 1e-3 && (found.1 - elevation_deg).abs() < 1e-3, "{found:?}");
     }
 }

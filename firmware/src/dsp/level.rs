@@ -16,6 +16,7 @@ const DB_PER_OCTAVE: f32 = 3.010_3;
 ///
 /// The exponent, plus a polynomial in the mantissa t in [0, 1): `t + t (1 - t) (a + b t + c t^2)`, exact at both ends,
 /// with a, b, c fitted for the least maximum error.
+#[inline]
 pub fn log2(x: f32) -> f32 {
     const MANTISSA: u32 = 0x007f_ffff;
     const BIAS: i32 = 127;

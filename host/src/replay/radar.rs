@@ -2,14 +2,14 @@
 
 use std::path::{Path, PathBuf};
 
-use ndarray::{Array1, Array2, Array3, Axis as Dim, aview1};
+use ndarray::{Array1, Array2, Array3, ArrayView2, Axis as Dim, aview1};
 use num_complex::Complex32;
 use rfhoi_shared::config::RadarConfig;
 use rfhoi_shared::wire::Covariance;
 use serde::Serialize;
 
 use super::ReplayError;
-use crate::aoa::Bartlett;
+use crate::aoa::{Estimate, Estimator, Method, Settings};
 use crate::npz::Npz;
 use crate::plot::{Axis, ColourScale, Figure, Heatmap, Lines, Panel, Reduce, Series, Style};
 use crate::receive::{HeatMap, RadarFrame};
@@ -50,9 +50,11 @@ pub(super) struct RadarSeries<'f> {
     angles: Option<Angles>,
 }
 
-/// Bartlett's spectra over time, dB: the maximum over the other angle.
+/// Spectra over time, dB: the maximum over the other angle; NaN where they are doubted.
 struct Angles {
-    grid: Bartlett,
+    method: Method,
+    azimuth_deg: Array1<f32>,
+    elevation_deg: Array1<f32>,
     /// Frame x azimuth.
     azimuth: Array2<f32>,
     /// Frame x elevation.
@@ -148,8 +150,8 @@ impl<'f> RadarSeries<'f> {
         }
         if let Some(angles) = &self.angles {
             npz = npz
-                .array("azimuth_deg", &angles.grid.azimuth_deg)?
-                .array("elevation_deg", &angles.grid.elevation_deg)?
+                .array("azimuth_deg", &angles.azimuth_deg)?
+                .array("elevation_deg", &angles.elevation_deg)?
                 .array("azimuth_time_db", &angles.azimuth)?
                 .array("elevation_time_db", &angles.elevation)?;
         }
@@ -286,20 +288,12 @@ impl<'f> RadarSeries<'f> {
             let image = self.over_time(degrees.len(), 1, |f, a, _| values[(f, a)]);
             self.heatmap(title, image, self.time_axis(), around(name, "deg", degrees))
         };
-        let grid = &angles.grid;
-        let mut panels = vec![panel(
-            "Azimuth over time (Bartlett), hatched where nothing moves",
-            "azimuth",
-            &angles.azimuth,
-            &grid.azimuth_deg,
-        )];
-        if grid.elevation_deg.len() > 1 {
-            panels.push(panel(
-                "Elevation over time (Bartlett), hatched where nothing moves",
-                "elevation",
-                &angles.elevation,
-                &grid.elevation_deg,
-            ));
+        let title = |angle: &str| {
+            format!("{angle} over time ({}), hatched where doubted or nothing moves", angles.method)
+        };
+        let mut panels = vec![panel(&title("Azimuth"), "azimuth", &angles.azimuth, &angles.azimuth_deg)];
+        if angles.elevation_deg.len() > 1 {
+            panels.push(panel(&title("Elevation"), "elevation", &angles.elevation, &angles.elevation_deg));
         }
         Some(Figure { columns: 1, panel_height: 480, ..Figure::new(panels) })
     }
@@ -351,16 +345,24 @@ fn angles(config: &RadarConfig, frames: &[RadarFrame]) -> Option<Angles> {
     // Frames in which nothing moves have a covariance of zeros, and no angle.
     let moves = |c: &&Covariance| c.packed.first().is_some_and(|&p| p > 0.0);
     frames.iter().filter_map(|f| f.covariance.as_ref()).find(moves)?;
-    let grid = Bartlett::new(&config.profile, ANGLES)?;
-    let mut azimuth = Array2::from_elem((frames.len(), grid.azimuth_deg.len()), f32::NAN);
-    let mut elevation = Array2::from_elem((frames.len(), grid.elevation_deg.len()), f32::NAN);
-    let db = |row: ndarray::ArrayView1<'_, f32>| 10.0 * row.fold(f32::MIN_POSITIVE, |m, &p| m.max(p)).log10();
+    let settings = Settings { points: ANGLES, ..Settings::of(&config.profile).ok()? };
+    let mut estimator = Estimator::new(&config.profile, settings).ok()?;
+    let azimuth_deg = Array1::from(estimator.azimuth_deg().to_vec());
+    let elevation_deg = Array1::from(estimator.elevation_deg().to_vec());
+    let mut azimuth = Array2::from_elem((frames.len(), azimuth_deg.len()), f32::NAN);
+    let mut elevation = Array2::from_elem((frames.len(), elevation_deg.len()), f32::NAN);
+    // A spectrum of another method, which is taken where snapshots are few, has another scale.
+    let shown = |e: &Estimate| e.doubt.is_none() && e.method == settings.method;
+    let most = |row: ndarray::ArrayView1<'_, f32>| row.fold(f32::NEG_INFINITY, |m, &level| m.max(level));
     for (f, frame) in frames.iter().enumerate() {
-        let spectrum = frame.covariance.as_ref().filter(moves).and_then(|c| grid.spectrum(c));
-        if let Some(spectrum) = spectrum {
-            azimuth.row_mut(f).assign(&spectrum.map_axis(Dim(0), db));
-            elevation.row_mut(f).assign(&spectrum.map_axis(Dim(1), db));
+        let cells = frame.info.as_ref().map_or(0, |info| info.moving_cells);
+        let Some(covariance) = frame.covariance.as_ref() else { continue };
+        if shown(&estimator.estimate(covariance, cells)) {
+            let shape = (elevation_deg.len(), azimuth_deg.len());
+            let map = ArrayView2::from_shape(shape, estimator.map_db()).ok()?;
+            azimuth.row_mut(f).assign(&map.map_axis(Dim(0), most));
+            elevation.row_mut(f).assign(&map.map_axis(Dim(1), most));
         }
     }
-    Some(Angles { grid, azimuth, elevation })
+    Some(Angles { method: settings.method, azimuth_deg, elevation_deg, azimuth, elevation })
 }

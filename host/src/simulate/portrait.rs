@@ -16,7 +16,7 @@ use rfhoi_shared::wire::{Covariance, HopTable};
 use super::picture::{Differences, MapAxes, Moment, Sample, SignalPath, Thing};
 use super::radar::{FrameMaps, Path, Radar, RadarError};
 use super::sample::{Take, epoch};
-use crate::aoa::Bartlett;
+use crate::aoa::{Estimator, Settings as AngleSettings};
 use crate::phase::{ChannelPlan, Settings, analyse};
 
 /// Points of the angle grid each way: 3 degrees apart.
@@ -63,7 +63,8 @@ pub fn portray(
     let mut radar = Radar::new(scene, take.effects)?;
     radar.begin(take.fixtures, radar_rng);
     let profile = radar.config().profile.clone();
-    let grid = Bartlett::new(&profile, ANGLES).ok_or(RadarError::Geometry)?;
+    let settings = AngleSettings::bartlett(ANGLES);
+    let mut estimator = Estimator::new(&profile, settings).map_err(|_| RadarError::Geometry)?;
     let times = take.frame_times(&profile);
     let count = times.len();
     let mut moments = Vec::with_capacity(count);
@@ -82,7 +83,7 @@ pub fn portray(
             paths: strongest(&radar, paths),
             range_doppler: levels(bins, &maps.range_doppler),
             range_time: levels(bins, &maps.range_time),
-            angles: angles(&grid, &maps),
+            angles: angles(&mut estimator, &maps),
         });
     }
     let (reads, channels) = take.reads(reader_rng);
@@ -102,14 +103,14 @@ pub fn portray(
             vertices.map(<[Vec3]>::to_vec).unwrap_or_default(),
         ),
         things: things.collect(),
-        axes: axes(&radar, &grid),
+        axes: axes(&radar, &estimator),
         moments,
         differences: differences(take, &reads, &channels),
     })
 }
 
 /// Outer edges of the maps.
-fn axes(radar: &Radar, grid: &Bartlett) -> MapAxes {
+fn axes(radar: &Radar, estimator: &Estimator) -> MapAxes {
     /// Edges of cells that are `step` apart from the first to the last.
     fn edges(first: f32, last: f32, step: f32) -> (f64, f64) {
         ((first - step / 2.0).into(), (last + step / 2.0).into())
@@ -119,15 +120,15 @@ fn axes(radar: &Radar, grid: &Bartlett) -> MapAxes {
     let (range_bin, velocity_bin) = (config.profile.range_bin().0, config.profile.velocity_bin().0);
     let first = f32::from(gate.first) * range_bin;
     let slowest = -(loops / 2.0).floor() * velocity_bin;
-    let angle = |degrees: &ndarray::Array1<f32>| {
-        let widest = grid.azimuth_deg[grid.azimuth_deg.len() - 1];
+    let widest = estimator.azimuth_deg().last().copied().unwrap_or(0.0);
+    let angle = |degrees: &[f32]| {
         edges(-widest, widest, 2.0 * widest / (degrees.len().max(2) - 1) as f32)
     };
     MapAxes {
         range_m: edges(first, first + f32::from(gate.bins - 1) * range_bin, range_bin),
         velocity_m_s: edges(slowest, slowest + (loops - 1.0) * velocity_bin, velocity_bin),
-        azimuth_deg: angle(&grid.azimuth_deg),
-        elevation_deg: angle(&grid.elevation_deg),
+        azimuth_deg: angle(estimator.azimuth_deg()),
+        elevation_deg: angle(estimator.elevation_deg()),
     }
 }
 
@@ -138,12 +139,12 @@ fn levels(rows: usize, codes: &[u8]) -> Array2<f32> {
 }
 
 /// Bartlett's spectrum, dB; missing where nothing moves.
-fn angles(grid: &Bartlett, maps: &FrameMaps) -> Array2<f32> {
+fn angles(estimator: &mut Estimator, maps: &FrameMaps) -> Array2<f32> {
     let antennas = maps.covariance.len().isqrt() as u8;
     let packed = maps.covariance.iter().copied().collect();
-    let spectrum = grid.spectrum(&Covariance { frame: 0, antennas, packed });
-    let db = |power: f32| if maps.moving_cells > 0 { 10.0 * libm::log10f(power) } else { f32::NAN };
-    spectrum.map(|power| power.mapv(db)).unwrap_or_default()
+    estimator.estimate(&Covariance { frame: 0, antennas, packed }, maps.moving_cells);
+    let shape = (estimator.elevation_deg().len(), estimator.azimuth_deg().len());
+    Array2::from_shape_vec(shape, estimator.map_db().to_vec()).unwrap_or_default()
 }
 
 /// The strongest of `paths`, of both kinds.

@@ -9,7 +9,7 @@ use rfhoi_shared::radar::{RadarProfile, SampleFormat};
 use rfhoi_shared::wire::Covariance;
 
 use super::*;
-use crate::aoa::Bartlett;
+use crate::aoa::{Estimator, Settings};
 use crate::simulate::Capsule;
 use crate::simulate::scene::{Place, RadarPose, Reader, Room, Stated};
 
@@ -127,7 +127,7 @@ fn a_point_appears_where_it_is() {
     let mut radar = radar(Effects::NONE);
     let profile = radar.config().profile.clone();
     let (range_bin, velocity_bin) = (profile.range_bin().0, profile.velocity_bin().0);
-    let grid = Bartlett::new(&profile, 181).unwrap();
+    let mut estimator = Estimator::new(&profile, Settings::bartlett(181)).unwrap();
     for (range_m, velocity, azimuth_deg, elevation_deg) in [
         (1.2_f32, 1.0_f32, 0.0_f32, 0.0_f32),
         (2.4, -2.2, 30.0, 0.0),
@@ -146,9 +146,9 @@ fn a_point_appears_where_it_is() {
             let measured = (doppler as f32 - f32::from(profile.loops / 2)) * velocity_bin;
             assert!((measured - velocity).abs() < 0.6 * velocity_bin, "{measured} m/s for {velocity}");
             let packed = maps.covariance.iter().copied().collect();
-            let spectrum = grid.spectrum(&Covariance { frame: 0, antennas: 12, packed }).unwrap();
-            let ((row, column), _) = peak(&spectrum.to_owned());
-            let found = (grid.azimuth_deg[column], grid.elevation_deg[row]);
+            let covariance = Covariance { frame: 0, antennas: 12, packed };
+            let found = estimator.estimate(&covariance, maps.moving_cells).peaks()[0];
+            let found = (found.azimuth_deg, found.elevation_deg);
             assert!(
                 (found.0 - azimuth_deg).abs() <= 2.0 && (found.1 - elevation_deg).abs() <= 2.0,
                 "{found:?}"
