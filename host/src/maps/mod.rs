@@ -2,3 +2,5 @@
 //!
 //! In: the codes of a bridge's heatmaps ([`HeatMap`](crate::receive::HeatMap)), or raw samples of a frame. Out: the map, and
 //! what is wrong with it, if anything.
+
+pub mod raw;
