@@ -10,12 +10,13 @@ use rfhoi_shared::wire::LogScale;
 pub const SCALE: LogScale = LogScale { floor_db: -130.0, step_db: 0.5 };
 
 /// `10 log10(2)`: dB to the factor of two.
-const DB_PER_OCTAVE: f32 = 3.010_3;
+pub const DB_PER_OCTAVE: f32 = 3.010_3;
 
 /// Logarithm to base 2 of a positive, normal number, to within 1.3e-4.
 ///
 /// The exponent, plus a polynomial in the mantissa t in [0, 1): `t + t (1 - t) (a + b t + c t^2)`, exact at both ends,
 /// with a, b, c fitted for the least maximum error.
+#[inline]
 pub fn log2(x: f32) -> f32 {
     const MANTISSA: u32 = 0x007f_ffff;
     const BIAS: i32 = 127;

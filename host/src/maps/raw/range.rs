@@ -9,7 +9,7 @@ use rfhoi_firmware::dca1000::samples::{self, FULL_SCALE, SIGNS, sign_changes};
 use rfhoi_firmware::dsp::window;
 use rfhoi_shared::radar::{IqOrder, RadarProfile, SampleFormat};
 
-use super::fft::{LaneFft, across, root};
+use super::fft::{LaneFft, root};
 use super::lanes::{Arithmetic, Cells, LANES, transpose};
 
 const HALF: usize = LANES / 2;

@@ -57,11 +57,18 @@ impl Reference {
     }
 }
 
-/// Largest difference, in dB relative to full scale as a power.
+/// Largest difference of powers, as an amplitude in dB relative to full scale.
 fn worst_db(got: &[f32], want: &[f32]) -> f32 {
     assert_eq!(got.len(), want.len());
+    let worst = got.iter().zip(want).map(|(g, w)| (g.sqrt() - w.sqrt()).abs()).fold(0.0, f32::max);
+    20.0 * worst.log10()
+}
+
+/// Largest difference of covariances against the largest element, dB.
+fn covariance_db(got: &[f32], want: &[f32]) -> f32 {
+    let largest = want.iter().fold(0.0, |m: f32, w| m.max(w.abs()));
     let worst = got.iter().zip(want).map(|(g, w)| (g - w).abs()).fold(0.0, f32::max);
-    10.0 * worst.log10()
+    10.0 * (worst / largest).log10()
 }
 
 fn compare(config: &RadarConfig, frames: u32, lost: &[u32]) {
@@ -87,19 +94,20 @@ fn compare(config: &RadarConfig, frames: u32, lost: &[u32]) {
         let got = maps.frame(&words, lost).unwrap();
         let name = format!("{} samples, {} loops", profile.samples, profile.loops);
         assert_eq!((got.clipped, got.chirps_lost), (want.clipped, want.chirps_lost), "{name}");
-        // A cell that only just moves may be seen by one of them.
-        assert!(got.moving_cells.abs_diff(want.moving_cells) <= 2, "{name}: {got:?}, {want:?}");
+        // Cells that only just rise over the threshold may be seen by one of them.
+        assert!(got.moving_cells.abs_diff(want.moving_cells) * 10 <= want.moving_cells, "{name}: {got:?}, {want:?}");
+        let sum = |mean: &[f32], frame: RawFrame| -> Vec<f32> {
+            mean.iter().map(|c| c * frame.moving_cells as f32).collect()
+        };
         let errors = [
             worst_db(maps.range_doppler(), &reference.range_doppler),
             worst_db(maps.range_time(), &reference.range_time),
-            worst_db(maps.covariance(), &covariance),
+            covariance_db(&sum(maps.covariance(), got), &sum(&covariance, want)),
         ];
         println!("{name}: range-Doppler, range-time, covariance off by {errors:.0?} dB at most");
-        // The strongest cell is at -20 dB, the cube's rounding at -93 dB of amplitude.
-        assert!(errors[0] < -95.0 && errors[1] < -85.0, "{name}: {errors:?}");
-        if got.moving_cells == want.moving_cells {
-            assert!(errors[2] < -95.0, "{name}: {errors:?}");
-        }
+        // The rounding of the firmware's cube is at -93 dB at most, near a wall at -10 dB.
+        assert!(errors[0] < -85.0 && errors[1] < -85.0, "{name}: {errors:?}");
+        assert!(want.moving_cells == 0 || errors[2] < -40.0, "{name}: {errors:?}");
     }
 }
 
@@ -168,8 +176,8 @@ fn bins_covariances_add_up() {
     }
     assert_eq!(cells, frame.moving_cells);
     sum.iter_mut().for_each(|s| *s /= cells as f32);
-    assert!(worst_db(&sum, maps.covariance()) < -80.0);
+    assert!(covariance_db(&sum, maps.covariance()) < -60.0);
     assert!(maps.covariance_of(64).is_none());
     let error = maps.frame(&words[4..], &[]).unwrap_err();
-    assert_eq!(error.to_string(), "a frame of this profile has 49152 bytes, these are 49148");
+    assert_eq!(error.to_string(), "a frame of this profile has 196608 bytes, these are 196604");
 }
