@@ -10,7 +10,7 @@ use rfhoi_shared::radar::{IqOrder, SampleFormat};
 pub const FULL_SCALE: f32 = 32768.0;
 
 /// The first bits of two words in one of 32 bits.
-const SIGNS: u32 = 0x8000_8000;
+pub const SIGNS: u32 = 0x8000_8000;
 
 /// Converts one receiver's samples of a chirp and multiplies them by `window`, sample by sample.
 ///
@@ -69,17 +69,19 @@ fn unpack_real(raw: &[u8], window: &[f32], out: &mut [Complex32]) -> u32 {
 }
 
 /// The two words in `pair`, the first in the lower half.
-fn words(pair: u32) -> [f32; 2] {
+#[inline]
+pub fn words(pair: u32) -> [f32; 2] {
     [pair as i16, (pair >> 16) as i16].map(f32::from)
 }
 
 /// Every bit of two words against the next lower one: at [`SIGNS`] set for words of half scale and above.
-fn sign_changes(pair: u32) -> u32 {
+#[inline]
+pub fn sign_changes(pair: u32) -> u32 {
     pair ^ pair << 1
 }
 
 /// How many words of `raw` are 32767 or -32768.
-fn words_at_limits(raw: &[u8]) -> u32 {
+pub fn words_at_limits(raw: &[u8]) -> u32 {
     // At the limits all bits but the sign are alike: only the topmost bit changes.
     const OTHERS: u32 = 0x7ffe_7ffe;
     let (pairs, _) = raw.as_chunks::<4>();

@@ -10,7 +10,7 @@ use rfhoi_shared::wire::LogScale;
 pub const SCALE: LogScale = LogScale { floor_db: -130.0, step_db: 0.5 };
 
 /// `10 log10(2)`: dB to the factor of two.
-const DB_PER_OCTAVE: f32 = 3.010_3;
+pub const DB_PER_OCTAVE: f32 = 3.010_3;
 
 /// Logarithm to base 2 of a positive, normal number, to within 1.3e-4.
 ///

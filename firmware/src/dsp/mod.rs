@@ -22,7 +22,7 @@ pub mod window;
 
 pub use cube::{Cube, CubeShape};
 pub use doppler::{DopplerStage, Row};
-pub use moving::MovingCells;
+pub use moving::{MAX_CELLS, MovingCells};
 pub use range::RangeStage;
 
 #[cfg(test)]

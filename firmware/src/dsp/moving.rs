@@ -11,7 +11,7 @@ use super::level;
 /// Blocks of a row among which the least mean power is its noise: a target and its window's skirts leave some free.
 const NOISE_BLOCKS: usize = 8;
 /// Cells of one range bin that enter the covariance at most, the strongest; bounds the work of a frame.
-const MAX_CELLS: usize = 8;
+pub const MAX_CELLS: usize = 8;
 /// Rows shorter than this have no noise to be measured against.
 const MIN_LOOPS: usize = 2 * NOISE_BLOCKS;
 
@@ -29,8 +29,15 @@ pub struct MovingCells {
     guard: usize,
 }
 
+impl Default for MovingCells {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
 impl MovingCells {
-    pub(super) const fn new() -> Self {
+    /// For no profile yet: nothing moves.
+    pub const fn new() -> Self {
         Self {
             compensation: [Complex32::new(0.0, 0.0); MAX_LOOPS],
             sum: [0.0; MAX_COVARIANCE],
@@ -44,7 +51,7 @@ impl MovingCells {
     }
 
     /// Takes a valid profile, how far a moving cell rises over the noise (dB) and the guard about zero Doppler.
-    pub(super) fn configure(&mut self, profile: &RadarProfile, detection_db: f32, guard: u8) {
+    pub fn configure(&mut self, profile: &RadarProfile, detection_db: f32, guard: u8) {
         self.loops = usize::from(profile.loops).min(MAX_LOOPS);
         self.virtuals = profile.virtual_count().min(MAX_VIRTUAL);
         self.receivers = NonZeroUsize::new(profile.rx_count()).unwrap_or(NonZeroUsize::MIN);
@@ -58,16 +65,25 @@ impl MovingCells {
         self.clear();
     }
 
-    pub(super) fn clear(&mut self) {
+    /// Forgets all cells.
+    pub fn clear(&mut self) {
         self.sum = [0.0; MAX_COVARIANCE];
         self.cells = 0;
     }
 
     /// Adds the moving cells of one range bin: `power` by Doppler bin and `spectra` by virtual antenna, in FFT order.
     pub(super) fn add(&mut self, power: &[f32], spectra: &[[Complex32; MAX_LOOPS]; MAX_VIRTUAL]) {
+        for &(bin, _) in &self.strongest(power) {
+            self.add_cell(bin, spectra.iter().map(|s| s.get(bin).copied().unwrap_or_default()));
+        }
+    }
+
+    /// The cells of one range bin that move: Doppler bin in FFT order, and power. `power` is by Doppler bin in FFT order.
+    pub fn strongest(&self, power: &[f32]) -> heapless::Vec<(usize, f32), MAX_CELLS> {
+        let mut strongest = heapless::Vec::new();
         let loops = self.loops;
         if loops < MIN_LOOPS || power.len() != loops {
-            return;
+            return strongest;
         }
         let block = loops / NOISE_BLOCKS;
         let noise = power
@@ -75,27 +91,25 @@ impl MovingCells {
             .map(|b| b.iter().sum::<f32>() / block as f32)
             .fold(f32::INFINITY, f32::min);
         let least = noise * self.threshold;
-        let mut strongest = heapless::Vec::<(usize, f32), MAX_CELLS>::new();
         for (bin, &p) in power.iter().enumerate() {
             if p > least && signed_bin(bin, loops).unsigned_abs() > self.guard {
                 keep_strongest(&mut strongest, (bin, p));
             }
         }
-        for &(bin, _) in &strongest {
-            self.add_cell(bin, spectra);
-        }
+        strongest
     }
 
-    fn add_cell(&mut self, bin: usize, spectra: &[[Complex32; MAX_LOOPS]; MAX_VIRTUAL]) {
+    /// Adds the cell of Doppler bin `bin` in FFT order: `spectra` is what the virtual antennas have there.
+    #[inline]
+    pub fn add_cell(&mut self, bin: usize, spectra: impl Iterator<Item = Complex32>) {
         // TIDUD31B eq. 1: slot m was sent m / M of a loop later, in which the phase has turned by 2 pi l m / (M N).
         let step = self.compensation.get(bin).copied().unwrap_or_default();
         let mut turn = Complex32::new(1.0, 0.0);
         let mut snapshot = [Complex32::default(); MAX_VIRTUAL];
-        let receivers = self.receivers.get();
-        let slots = snapshot.chunks_mut(receivers).zip(spectra.chunks(receivers));
-        for (snapshot, spectra) in slots {
-            for (x, spectrum) in snapshot.iter_mut().zip(spectra) {
-                *x = spectrum.get(bin).copied().unwrap_or_default() * turn;
+        let mut spectra = spectra;
+        for snapshot in snapshot.chunks_mut(self.receivers.get()) {
+            for (x, spectrum) in snapshot.iter_mut().zip(&mut spectra) {
+                *x = spectrum * turn;
             }
             turn *= step;
         }
@@ -120,10 +134,15 @@ impl MovingCells {
         self.cells
     }
 
+    /// The sum over the cells, packed as [`Self::covariance`].
+    pub fn sum(&self) -> &[f32] {
+        self.sum.get(..self.virtuals * self.virtuals).unwrap_or(&[])
+    }
+
     /// The mean over the cells, packed as `rfhoi_shared::wire::Covariance`; zeros where nothing moves.
     pub fn covariance(&self) -> impl Iterator<Item = f32> + '_ {
         let scale = if self.cells == 0 { 0.0 } else { 1.0 / self.cells as f32 };
-        self.sum.iter().take(self.virtuals * self.virtuals).map(move |s| s * scale)
+        self.sum().iter().map(move |s| s * scale)
     }
 }
 

@@ -1,0 +1,164 @@
+//! Complex numbers sixteen abreast, and the small FFTs across such groups.
+
+use core::f32::consts::FRAC_1_SQRT_2;
+
+use pulp::Simd;
+
+/// Numbers abreast: range bins, or samples. Two registers of AVX2, one of AVX-512.
+pub(super) const LANES: usize = 16;
+
+/// Sixteen complex numbers, their parts apart.
+#[derive(Debug, Clone, Copy, PartialEq)]
+#[repr(align(64))]
+pub(super) struct Cells {
+    pub(super) re: [f32; LANES],
+    pub(super) im: [f32; LANES],
+}
+
+impl Cells {
+    pub(super) const ZERO: Self = Self { re: [0.0; LANES], im: [0.0; LANES] };
+
+    /// Its registers, `LANES / S::F32_LANES` of them.
+    #[inline(always)]
+    pub(super) fn get<S: Simd>(&self, register: usize) -> Complexes<S> {
+        let [re, im] = [&self.re, &self.im].map(|part| S::as_simd_f32s(part).0[register]);
+        Complexes { re, im }
+    }
+
+    #[inline(always)]
+    pub(super) fn put<S: Simd>(&mut self, register: usize, z: Complexes<S>) {
+        S::as_mut_simd_f32s(&mut self.re).0[register] = z.re;
+        S::as_mut_simd_f32s(&mut self.im).0[register] = z.im;
+    }
+}
+
+/// As many complex numbers as a register holds.
+pub(super) struct Complexes<S: Simd> {
+    re: S::f32s,
+    im: S::f32s,
+}
+
+impl<S: Simd> Clone for Complexes<S> {
+    #[inline(always)]
+    fn clone(&self) -> Self {
+        *self
+    }
+}
+
+impl<S: Simd> Copy for Complexes<S> {}
+
+/// cos and sin of pi / 8.
+const COS_8: f32 = 0.923_879_5;
+const SIN_8: f32 = 0.382_683_43;
+
+/// Arithmetic of a kind of register.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Arithmetic<S>(pub(super) S);
+
+impl<S: Simd> Arithmetic<S> {
+    #[inline(always)]
+    fn add(self, a: Complexes<S>, b: Complexes<S>) -> Complexes<S> {
+        Complexes { re: self.0.add_f32s(a.re, b.re), im: self.0.add_f32s(a.im, b.im) }
+    }
+
+    #[inline(always)]
+    fn subtract(self, a: Complexes<S>, b: Complexes<S>) -> Complexes<S> {
+        Complexes { re: self.0.sub_f32s(a.re, b.re), im: self.0.sub_f32s(a.im, b.im) }
+    }
+
+    #[inline(always)]
+    pub(super) fn multiply(self, a: Complexes<S>, b: Complexes<S>) -> Complexes<S> {
+        let s = self.0;
+        let re = s.mul_add_e_f32s(a.re, b.re, s.neg_f32s(s.mul_f32s(a.im, b.im)));
+        Complexes { re, im: s.mul_add_e_f32s(a.re, b.im, s.mul_f32s(a.im, b.re)) }
+    }
+
+    /// All by one number.
+    #[inline(always)]
+    pub(super) fn turn(self, a: Complexes<S>, [re, im]: [f32; 2]) -> Complexes<S> {
+        self.multiply(a, Complexes { re: self.0.splat_f32s(re), im: self.0.splat_f32s(im) })
+    }
+
+    #[inline(always)]
+    pub(super) fn scale(self, a: Complexes<S>, factor: f32) -> Complexes<S> {
+        let factor = self.0.splat_f32s(factor);
+        Complexes { re: self.0.mul_f32s(a.re, factor), im: self.0.mul_f32s(a.im, factor) }
+    }
+
+    /// By `-j`.
+    #[inline(always)]
+    fn quarter(self, a: Complexes<S>) -> Complexes<S> {
+        Complexes { re: a.im, im: self.0.neg_f32s(a.re) }
+    }
+
+    /// By `exp(-j pi / 4)`.
+    #[inline(always)]
+    fn eighth(self, a: Complexes<S>) -> Complexes<S> {
+        let s = self.0;
+        let half = s.splat_f32s(FRAC_1_SQRT_2);
+        let re = s.mul_f32s(s.add_f32s(a.re, a.im), half);
+        Complexes { re, im: s.mul_f32s(s.sub_f32s(a.im, a.re), half) }
+    }
+
+    #[inline(always)]
+    fn fft4(self, x: [Complexes<S>; 4]) -> [Complexes<S>; 4] {
+        let (a, b) = (self.add(x[0], x[2]), self.subtract(x[0], x[2]));
+        let (c, d) = (self.add(x[1], x[3]), self.quarter(self.subtract(x[1], x[3])));
+        [self.add(a, c), self.add(b, d), self.subtract(a, c), self.subtract(b, d)]
+    }
+
+    #[inline(always)]
+    fn fft8(self, x: [Complexes<S>; 8]) -> [Complexes<S>; 8] {
+        let even = self.fft4([x[0], x[2], x[4], x[6]]);
+        let [a, b, c, d] = self.fft4([x[1], x[3], x[5], x[7]]);
+        let odd = [a, self.eighth(b), self.quarter(c), self.quarter(self.eighth(d))];
+        core::array::from_fn(|k| match k {
+            0..4 => self.add(even[k], odd[k]),
+            _ => self.subtract(even[k - 4], odd[k - 4]),
+        })
+    }
+
+    #[inline(always)]
+    fn fft16(self, x: [Complexes<S>; 16]) -> [Complexes<S>; 16] {
+        let [a, b, c, d] = core::array::from_fn(|n| self.fft4([x[n], x[n + 4], x[n + 8], x[n + 12]]));
+        let (one, three, nine) = ([COS_8, -SIN_8], [SIN_8, -COS_8], [-COS_8, SIN_8]);
+        let y = [
+            self.fft4([a[0], b[0], c[0], d[0]]),
+            self.fft4([a[1], self.turn(b[1], one), self.eighth(c[1]), self.turn(d[1], three)]),
+            self.fft4([a[2], self.eighth(b[2]), self.quarter(c[2]), self.quarter(self.eighth(d[2]))]),
+            self.fft4([a[3], self.turn(b[3], three), self.quarter(self.eighth(c[3])), self.turn(d[3], nine)]),
+        ];
+        core::array::from_fn(|k| y[k % 4][k / 4])
+    }
+
+    /// The FFT across `x`, of length 1, 2, 4, 8 or 16, in natural order.
+    #[inline(always)]
+    pub(super) fn fft<const N: usize>(self, mut x: [Complexes<S>; N]) -> [Complexes<S>; N] {
+        if let Some(x) = x.as_mut_slice().as_mut_array::<16>() {
+            *x = self.fft16(*x);
+        } else if let Some(x) = x.as_mut_slice().as_mut_array::<8>() {
+            *x = self.fft8(*x);
+        } else if let Some(x) = x.as_mut_slice().as_mut_array::<4>() {
+            *x = self.fft4(*x);
+        } else if let [a, b] = x.as_mut_slice() {
+            [*a, *b] = [self.add(*a, *b), self.subtract(*a, *b)];
+        }
+        x
+    }
+}
+
+/// Lane `j` of `source[i]` becomes lane `i` of `out[j]`.
+#[inline(always)]
+pub(super) fn transpose(source: &[[f32; LANES]; LANES], out: &mut [[f32; LANES]; LANES]) {
+    // Blocks of 4 x 4 are what compilers make shuffles of.
+    const BLOCK: usize = 4;
+    for i in 0..LANES / BLOCK {
+        for j in 0..LANES / BLOCK {
+            let rows: [[f32; BLOCK]; BLOCK] =
+                core::array::from_fn(|r| source[BLOCK * i + r].as_chunks().0[j]);
+            for c in 0..BLOCK {
+                out[BLOCK * j + c].as_chunks_mut().0[i] = core::array::from_fn::<_, BLOCK, _>(|r| rows[r][c]);
+            }
+        }
+    }
+}
