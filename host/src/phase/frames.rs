@@ -15,7 +15,7 @@ use serde::Serialize;
 use super::calibration::Calibration;
 use super::reader_clock::ReaderClock;
 use super::tracks::Tracks;
-use super::{Invalid, MAX_ANTENNAS, MAX_TAGS, Settings};
+use super::{ChannelPlan, Invalid, MAX_ANTENNAS, MAX_TAGS, Settings};
 
 /// Reads of a tag by an antenna that are kept for the borders to come; at one each 5 ms, 0.3 s.
 const KEPT: usize = 64;
@@ -34,6 +34,13 @@ pub struct PhaseFrame {
 }
 
 impl PhaseFrame {
+    /// Becomes a copy of `other` in its own memory.
+    pub(crate) fn copy_from(&mut self, other: &Self) {
+        let Self { begin, end, antennas, differences } = other;
+        (self.begin, self.end, self.antennas) = (*begin, *end, *antennas);
+        self.differences.clone_from(differences);
+    }
+
     /// Tags.
     pub fn tags(&self) -> usize {
         self.differences.len() / self.antennas
@@ -165,6 +172,16 @@ impl PhaseFrames {
     /// Reads left out so far.
     pub fn dropped(&self) -> Dropped {
         self.dropped
+    }
+
+    /// The latest frame.
+    pub(crate) fn latest(&self) -> &PhaseFrame {
+        &self.frame
+    }
+
+    /// Takes the reader's channels; they may change when it boots. What was learnt is found wrong by itself where it is.
+    pub fn set_channels(&mut self, channels: ChannelPlan) {
+        self.tracks.settings.channels = channels;
     }
 
     /// Takes a read that came with a packet of the bridge's time `sent`. Packets may come a little out of order.

@@ -5,29 +5,26 @@ use std::time::{Duration, Instant};
 
 use super::uplink::frames;
 use super::{Plan, radar};
-use crate::aoa::Bartlett;
-use crate::receive::{Received, Receiver};
+use crate::align::{FrameStream, Settings};
 
 /// Time over which is measured.
 const FOR: Duration = Duration::from_millis(100);
 
-/// The median time that this computer takes from a frame's packets to its angle map.
+/// The median time that this computer takes from a frame's packets to its three maps; zero where the profile has no angles.
 pub fn host_time(plan: &Plan) -> Duration {
     let config = radar(&plan.config, &plan.needs);
-    let bartlett = Bartlett::new(&config.profile, plan.config.angle_points.into());
-    let mut receiver = Receiver::new();
+    let settings = Settings { points: plan.config.map_points.into(), ..Settings::new(config.clone()) };
+    let Ok(mut stream) = FrameStream::new(settings) else { return Duration::ZERO };
     let mut times = Vec::new();
     let begin = Instant::now();
     frames(&config, |packets| {
         let start = Instant::now();
         for packet in packets {
             // They are the bridge's own, so they decode.
-            let _ = receiver.push(packet);
+            let _ = stream.push(packet);
         }
-        while let Some(received) = receiver.next() {
-            if let (Received::Frame(frame), Some(bartlett)) = (received, &bartlett) {
-                black_box(frame.covariance.as_ref().and_then(|c| bartlett.spectrum(c)));
-            }
+        while let Some(frame) = stream.next() {
+            stream.recycle(black_box(frame));
         }
         times.push(start.elapsed());
         begin.elapsed() < FOR
