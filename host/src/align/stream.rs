@@ -163,19 +163,25 @@ impl FrameStream {
         self.receiver.push(packet)?;
         let now = self.receiver.time();
         while let Some(received) = self.receiver.next() {
-            match received {
-                Received::Frame(frame) => {
-                    self.push_frame(&frame);
-                    self.receiver.recycle(frame);
-                }
-                Received::Reads(reads) => self.push_reads(&reads, now),
-                Received::HopTable(table) => self.push_hop_table(&table),
-                Received::Restarted => self.restart(),
-                _ => {}
+            self.take(&received, now);
+            if let Received::Frame(frame) = received {
+                self.receiver.recycle(frame);
             }
         }
         self.advance(now);
         Ok(())
+    }
+
+    /// Takes what a packet of the bridge's time `sent` has led to, for those who have a [`Receiver`] of their own.
+    pub fn take(&mut self, received: &Received, sent: BridgeTime) {
+        match received {
+            Received::Frame(frame) => self.push_frame(frame),
+            Received::Reads(reads) => self.push_reads(reads, sent),
+            Received::HopTable(table) => self.push_hop_table(table),
+            Received::Restarted => self.restart(),
+            _ => {}
+        }
+        self.advance(sent);
     }
 
     /// Takes a frame of the radar that came by another way than packets.

@@ -34,6 +34,9 @@ pub(super) struct Replay {
     /// Tell how the strongest target of raw samples vibrates, or that at RANGE_M: displacement and spectrum over the frames.
     #[arg(long, value_name = "RANGE_M", num_args = 0..=1, conflicts_with = "regroup")]
     vibration: Option<Option<f32>>,
+    /// Write frames of both radios on one time axis (aligned.npz), as a network takes them, with maps of POINTS each way.
+    #[arg(long, value_name = "POINTS", num_args = 0..=1, default_missing_value = "64")]
+    aligned: Option<usize>,
     /// Fastest tag, m/s: bounds the intervals between reads that mean something.
     #[arg(long, value_name = "M_PER_S", default_value_t = Scene::default().fastest_tag.0)]
     fastest_tag: f32,
@@ -79,7 +82,7 @@ impl Replay {
             vibration.is_none() || profile.is_some(),
             "--vibration needs raw samples and their --profile"
         );
-        let options = Options { profile, scene, clutter, whole_range: self.depth.is_none(), vibration };
+        let options = Options { profile, scene, clutter, whole_range: self.depth.is_none(), vibration, aligned: self.aligned };
         let progress = Progress::new(format!("replaying {}", self.file.display()))?;
         let summary = replay(&self.file, &options, &self.out, &mut |share| progress.show(share))?;
         drop(progress);

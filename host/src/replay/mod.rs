@@ -2,11 +2,12 @@
 //!
 //! ```text
 //! file --source--> datagrams, UART bytes, LLRP streams, reads --Bridge (firmware)--> packets --Receiver--> Outcome
-//! Outcome --radar, tags, vibration--> pictures (.png) and numbers (.npz)
+//! Outcome --radar, tags, vibration, aligned--> pictures (.png) and numbers (.npz)
 //! ```
 //!
 //! Nothing is written before the recording has gone through, and every file appears whole.
 
+mod aligned;
 mod radar;
 mod source;
 mod tags;
@@ -17,7 +18,7 @@ use std::path::{Path, PathBuf};
 use num_complex::Complex;
 use rfhoi_firmware::bridge::{RadarPath, UartPath};
 use rfhoi_firmware::uplink::{ReadPacker, Uplink};
-use rfhoi_shared::config::{ClutterRemoval, ConfigError, Processing, RadarConfig, RadarInput};
+use rfhoi_shared::config::{BridgeConfig, ClutterRemoval, ConfigError, Processing, RadarConfig, RadarInput};
 use rfhoi_shared::radar::RadarProfile;
 use rfhoi_shared::scene::{Scene, Unmet};
 use rfhoi_shared::tag::TagRead;
@@ -25,13 +26,16 @@ use rfhoi_shared::units::{BridgeTime, Metres};
 use rfhoi_shared::wire::{DatagramCounts, FrameCounts, HopTable, Message, Stream};
 use serde::Serialize;
 
+use crate::align::{self, AlignError, AlignedFrame, FrameStream};
 use crate::atomic::WriteError;
 use crate::detect::DetectError;
 use crate::inspect::{InspectError, MAX_ROW, MAX_TLV_FRAME, ReadFigures};
 use crate::npz::NpzError;
+use crate::phase;
 use crate::plot::PlotError;
 use crate::receive::{LinkCounts, RadarFrame, Received, Receiver};
 
+pub use aligned::AlignedFigures;
 pub use radar::Strongest;
 pub use vibration::Vibration;
 
@@ -48,6 +52,8 @@ pub struct Options {
     pub whole_range: bool,
     /// Measure how a target of raw samples vibrates.
     pub vibration: Option<VibratingTarget>,
+    /// Align both radios, with maps of so many points.
+    pub aligned: Option<usize>,
 }
 
 /// Which target's vibration is measured.
@@ -91,6 +97,9 @@ pub enum ReplayError {
         /// What the system said.
         source: std::io::Error,
     },
+    /// Aligned frames.
+    #[error("no aligned frames: {0}")]
+    Align(#[from] AlignError),
     /// A result.
     #[error(transparent)]
     Write(#[from] WriteError),
@@ -121,11 +130,15 @@ struct Bridge<'m> {
     frames: Vec<RadarFrame>,
     tag_reads: Vec<TagRead>,
     hop_table: Option<HopTable>,
+    stream: Option<FrameStream>,
+    aligned: Vec<AlignedFrame>,
 }
 
 impl<'m> Bridge<'m> {
-    fn new(cube: &'m mut [Complex<i16>]) -> Self {
+    fn new(cube: &'m mut [Complex<i16>], stream: Option<FrameStream>) -> Self {
         Self {
+            stream,
+            aligned: Vec::new(),
             radar: Radar::Idle(cube),
             reads: ReadPacker::default(),
             uplink: Uplink::new(0),
@@ -196,7 +209,12 @@ impl<'m> Bridge<'m> {
     }
 
     fn collect(&mut self) {
+        let now = self.receiver.time();
         while let Some(received) = self.receiver.next() {
+            if let Some(stream) = &mut self.stream {
+                stream.take(&received, now);
+                self.aligned.extend(std::iter::from_fn(|| stream.next()));
+            }
             match received {
                 Received::Frame(frame) => self.frames.push(frame),
                 Received::Reads(reads) => self.tag_reads.extend(reads),
@@ -248,6 +266,8 @@ pub struct Summary {
     pub vibration: Option<Vibration>,
     /// Figures of the tag reads.
     pub tag_reads: Option<ReadFigures>,
+    /// Frames of both radios.
+    pub aligned: Option<AlignedFigures>,
     /// Files that were written.
     pub outputs: Vec<PathBuf>,
     /// What a person should know.
@@ -267,9 +287,16 @@ pub fn replay(
     progress: &mut dyn FnMut(f64) -> bool,
 ) -> Result<Summary, ReplayError> {
     let mut cube = vec![Complex::default(); CUBE_CELLS];
-    let mut bridge = Bridge::new(&mut cube);
     let mut notes = Vec::new();
     let config = options.profile.as_ref().map(|profile| configuration(profile, options)).transpose()?;
+    let stream = options.aligned.map(|points| {
+        // Tags alone have no radar to be aligned with, but its frame period.
+        let radar = config.clone().unwrap_or_else(|| BridgeConfig::default().radar);
+        let settings = align::Settings { points, ..align::Settings::new(radar) };
+        let phases = phase::Settings { scene: options.scene, ..settings.phases };
+        FrameStream::new(align::Settings { phases, ..settings })
+    });
+    let mut bridge = Bridge::new(&mut cube, stream.transpose()?);
     source::feed(path, config.as_ref(), &mut bridge, &mut notes, progress)?;
     if bridge.frames.is_empty() && bridge.tag_reads.is_empty() {
         return Err(ReplayError::Nothing { path: path.to_path_buf() });
@@ -302,6 +329,16 @@ pub fn replay(
         outputs.extend(written);
         Some(figures)
     };
+    let aligned = match &mut bridge.stream {
+        Some(stream) => {
+            stream.finish();
+            bridge.aligned.extend(std::iter::from_fn(|| stream.next()));
+            let (figures, written) = aligned::write(out, &bridge.aligned, stream)?;
+            outputs.extend(written);
+            Some(figures)
+        }
+        None => None,
+    };
     let (datagrams, frames) = bridge.counts();
     Ok(Summary {
         file: path.to_path_buf(),
@@ -319,6 +356,7 @@ pub fn replay(
         strongest_moving,
         vibration,
         tag_reads,
+        aligned,
         outputs,
         notes,
     })
