@@ -74,7 +74,7 @@ impl Form {
     pub(super) fn at(&self, u: f64, w: f64) -> Local {
         let (dx, dy) = self.span;
         let mut local = Local::default();
-        let phasor = |angle: f64| Complex64::new(angle.cos(), angle.sin());
+        let phasor = |angle: f64| Complex64::cis(angle);
         let (step_u, step_w) = (phasor(PI * u), phasor(PI * w));
         let mut turn_u = Complex64::new(1.0, 0.0);
         for (d, row) in self.coefficients.iter().enumerate().take(dx + 1) {
@@ -133,7 +133,8 @@ mod tests {
                 let here = form.at(u, w);
                 assert!((here.value - slow(u, w)).abs() < 1e-11);
                 let row = form.row((Complex64::i() * PI * w).exp());
-                let by_row = |(d, b): (usize, &Complex64)| (b * (Complex64::i() * PI * u * d as f64).exp()).re;
+                let by_row =
+                    |(d, b): (usize, &Complex64)| (b * (Complex64::i() * PI * u * d as f64).exp()).re;
                 assert!((row.iter().enumerate().map(by_row).sum::<f64>() - here.value).abs() < 1e-11);
                 let h = 1e-4;
                 let du = (slow(u + h, w) - slow(u - h, w)) / (2.0 * h);

@@ -217,13 +217,8 @@ impl Estimator {
         let plan = Plan { method, order, gap_db: gap(order), noise: noise(order), doubt: None };
         let Some(guards) = self.settings.guards else { return plan };
         let samples = if forward_backward { 2.0 * snapshots } else { snapshots };
-        let fall_back = |doubt| Plan {
-            method: Method::Bartlett,
-            order: 1,
-            gap_db: gap(1),
-            noise: noise(1),
-            doubt,
-        };
+        let fall_back =
+            |doubt| Plan { method: Method::Bartlett, order: 1, gap_db: gap(1), noise: noise(1), doubt };
         if samples < guards.snapshots_per_antenna * n as f64 {
             // One source at most, of which the fit tells whether it is all.
             return fall_back(None);
@@ -283,7 +278,10 @@ impl Estimator {
     /// What the peaks are worth.
     fn judge(&self, plan: Plan, peaks: &Peaks, decibels: Decibels, snapshots: f64) -> Estimate {
         let level_db = |peak: &Peak| decibels.of(peak.height.abs());
-        let given = &peaks[..peaks.len().min(plan.order)];
+        // A low peak is a direction out of the signal subspace.
+        let least_db = self.settings.guards.filter(|_| plan.method == Method::Music).map(|g| g.peak_db);
+        let high = |peak: &&Peak| least_db.is_none_or(|least| level_db(peak) >= least);
+        let given = &peaks[..peaks.iter().take(plan.order).take_while(high).count()];
         let mut directions = [(0.0, 0.0); MAX_PEAKS];
         for (direction, peak) in directions.iter_mut().zip(given) {
             *direction = (peak.u, peak.w);
@@ -306,21 +304,24 @@ impl Estimator {
             *direction = Direction::new(peak.u, peak.w, level_db(peak), deviation_deg);
         }
         // A source as weak as what is left may be made of the same.
-        let weakest = fit.map_or(0.0, |f| f.powers[..given.len()].iter().copied().fold(f64::INFINITY, f64::min));
+        let weakest =
+            fit.map_or(0.0, |f| f.powers[..given.len()].iter().copied().fold(f64::INFINITY, f64::min));
         let weakest = (antennas * weakest / signal.max(1e-6)).clamp(0.0, 1.0);
         estimate.doubt = self.settings.guards.and_then(|guards| {
             let by_noise = plan.noise * (antennas / (snapshots * signal.max(1e-6))).sqrt();
             let worst = estimate.peaks().iter().map(|p| p.deviation_deg).fold(0.0, f32::max);
-            let margin = given.last().zip(peaks.get(given.len())).map(|(last, next)| level_db(last) - level_db(next));
+            let margin =
+                given.last().zip(peaks.get(given.len())).map(|(last, next)| level_db(last) - level_db(next));
+            // Eigenvectors without a direction are the antennas' errors, or sources too close.
+            let whole = if given.len() < plan.order { 0.5 * guards.mismatch } else { guards.mismatch };
+            let limit = whole.min(LEFT * weakest);
             let drift = fit.map_or(0.0, |f| f.drift_deg[..given.len()].iter().copied().fold(0.0, f64::max));
-            let lowest = given.last().map(level_db).filter(|_| plan.method == Method::Music);
             plan.doubt.or_else(|| {
                 let doubts = [
-                    (given.len() < plan.order, Doubt::FewerPeaks),
+                    (peaks.len().min(plan.order) < plan.order || given.is_empty(), Doubt::FewerPeaks),
                     (given.iter().any(|p| p.at_edge), Doubt::AtEdge),
-                    (mismatch > guards.mismatch.min(LEFT * weakest) + 3.0 * by_noise, Doubt::Mismatch),
+                    (mismatch > limit + 3.0 * by_noise, Doubt::Mismatch),
                     (drift > guards.drift_deg, Doubt::Mismatch),
-                    (lowest.is_some_and(|l| l < guards.peak_db), Doubt::Mismatch),
                     (f64::from(worst) > guards.deviation_deg, Doubt::Imprecise),
                     (margin.is_some_and(|m| m < guards.margin_db), Doubt::Ambiguous),
                 ];

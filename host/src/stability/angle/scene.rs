@@ -115,7 +115,12 @@ pub(super) fn direction(rng: &mut ChaCha8Rng) -> Direction {
 }
 
 /// Directions within view, each at least `least_deg` and neighbours in the list at most `most_deg` from each other.
-pub(super) fn directions(count: usize, least_deg: f64, most_deg: f64, rng: &mut ChaCha8Rng) -> Vec<Direction> {
+pub(super) fn directions(
+    count: usize,
+    least_deg: f64,
+    most_deg: f64,
+    rng: &mut ChaCha8Rng,
+) -> Vec<Direction> {
     let mut found: Vec<Direction> = Vec::new();
     for draw in 0.. {
         let next = direction(rng);
