@@ -36,6 +36,10 @@ impl Form {
     }
 
     /// Takes the Hermitian `q` of `geometry`'s antennas; only its upper triangle and diagonal are read.
+    #[allow(
+        clippy::needless_range_loop,
+        reason = "rows and columns by their numbers, as the formula has them"
+    )]
     pub(super) fn set(&mut self, geometry: &Geometry, q: &Matrix) {
         for row in &mut self.coefficients[..=self.span.0] {
             *row = [Complex64::default(); 2 * SPAN + 1];
@@ -110,6 +114,10 @@ mod tests {
     use super::*;
 
     #[test]
+    #[allow(
+        clippy::needless_range_loop,
+        reason = "rows and columns by their numbers, as the formula has them"
+    )]
     fn it_is_the_quadratic_form() {
         for array in [AntennaArray::Awr1843Aop, AntennaArray::Xwr1843Boost, AntennaArray::Iwr6843Aop] {
             let geometry = Geometry::of(&RadarProfile { array, ..RadarProfile::bridge() }).unwrap();

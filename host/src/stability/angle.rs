@@ -6,6 +6,8 @@
 //! of several the worst of the best assignment, infinite where their number is wrong.
 
 mod scene;
+#[cfg(test)]
+mod tests;
 
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
