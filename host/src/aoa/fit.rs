@@ -73,7 +73,8 @@ pub(super) fn fit(
         for (j, through) in through.iter().enumerate().take(sources) {
             add(&mut left, inverse[(j, k)], through);
         }
-        let onto = inverse * SVector::<Complex64, MAX_PEAKS>::from_fn(|i, _| dot(&beams[i].steering, &left, n));
+        let onto =
+            inverse * SVector::<Complex64, MAX_PEAKS>::from_fn(|i, _| dot(&beams[i].steering, &left, n));
         for (j, beam) in beams.iter().enumerate().take(sources) {
             add(&mut left, -onto[j], &beam.steering);
         }

@@ -36,6 +36,10 @@ impl Form {
     }
 
     /// Takes the Hermitian `q` of `geometry`'s antennas; only its upper triangle and diagonal are read.
+    #[allow(
+        clippy::needless_range_loop,
+        reason = "rows and columns by their numbers, as the formula has them"
+    )]
     pub(super) fn set(&mut self, geometry: &Geometry, q: &Matrix) {
         for row in &mut self.coefficients[..=self.span.0] {
             *row = [Complex64::default(); 2 * SPAN + 1];
@@ -74,7 +78,7 @@ impl Form {
     pub(super) fn at(&self, u: f64, w: f64) -> Local {
         let (dx, dy) = self.span;
         let mut local = Local::default();
-        let phasor = |angle: f64| Complex64::new(angle.cos(), angle.sin());
+        let phasor = |angle: f64| Complex64::cis(angle);
         let (step_u, step_w) = (phasor(PI * u), phasor(PI * w));
         let mut turn_u = Complex64::new(1.0, 0.0);
         for (d, row) in self.coefficients.iter().enumerate().take(dx + 1) {
@@ -110,6 +114,10 @@ mod tests {
     use super::*;
 
     #[test]
+    #[allow(
+        clippy::needless_range_loop,
+        reason = "rows and columns by their numbers, as the formula has them"
+    )]
     fn it_is_the_quadratic_form() {
         for array in [AntennaArray::Awr1843Aop, AntennaArray::Xwr1843Boost, AntennaArray::Iwr6843Aop] {
             let geometry = Geometry::of(&RadarProfile { array, ..RadarProfile::bridge() }).unwrap();
@@ -133,7 +141,8 @@ mod tests {
                 let here = form.at(u, w);
                 assert!((here.value - slow(u, w)).abs() < 1e-11);
                 let row = form.row((Complex64::i() * PI * w).exp());
-                let by_row = |(d, b): (usize, &Complex64)| (b * (Complex64::i() * PI * u * d as f64).exp()).re;
+                let by_row =
+                    |(d, b): (usize, &Complex64)| (b * (Complex64::i() * PI * u * d as f64).exp()).re;
                 assert!((row.iter().enumerate().map(by_row).sum::<f64>() - here.value).abs() < 1e-11);
                 let h = 1e-4;
                 let du = (slow(u + h, w) - slow(u - h, w)) / (2.0 * h);

@@ -70,7 +70,15 @@ impl Grid {
         }
         let step = |e: &f32| Complex64::from_polar(1.0, PI * f64::from(*e).to_radians().sin());
         let steps = elevation_deg.iter().map(step).collect();
-        Self { azimuth_deg: degrees, elevation_deg, steps, tables, half, degree: span.0, arch: pulp::Arch::new() }
+        Self {
+            azimuth_deg: degrees,
+            elevation_deg,
+            steps,
+            tables,
+            half,
+            degree: span.0,
+            arch: pulp::Arch::new(),
+        }
     }
 
     /// Direction cosines of a point.

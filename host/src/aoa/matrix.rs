@@ -12,6 +12,7 @@ const LEAST_POWER: f64 = f32::MIN_POSITIVE as f64 / f32::EPSILON as f64;
 
 /// Unpacks `covariance` with the signs of the antennas undone, divided by its mean power. Returns this power, or why it is no
 /// covariance of this array.
+#[allow(clippy::needless_range_loop, reason = "rows and columns by their numbers, as the formula has them")]
 pub(super) fn unpack(geometry: &Geometry, covariance: &Covariance, into: &mut Matrix) -> Result<f64, Doubt> {
     let n = geometry.count;
     if usize::from(covariance.antennas) != n || covariance.packed.len() != n * n {

@@ -14,7 +14,19 @@
 //! phase is less by `pi (x u + y w)`. A line of antennas sees `u` only: the map has one row, of elevation 0.
 //!
 //! MUSIC only proposes directions. What is doubted is decided by whether they explain the covariance, antennas' noise and
-//! snapshots given: the same for every method.
+//! snapshots given: the same for every method. Where snapshots are too few for a subspace, or signal and noise do not stand
+//! apart, the spectrum is Bartlett's, and [`Estimate::method`] says so.
+//!
+//! The snapshots of a bridge are neighbouring range-Doppler cells, the strongest: windows make their noise neither quite white
+//! from cell to cell nor independent, and a moving body is no point. [`Settings::snapshots_per_cell`] makes an effective
+//! number of them, which is what orders and deviations are computed with; both stay estimates.
+//!
+//! Which order: simulated, two sources 40 degrees apart at 0 dB in an antenna, 16 snapshots: MDL counts two in 99 of 100 draws
+//! with forward-backward averaging, AIC in 87, and more in the others; at -5 dB MDL in 76 with averaging and in 30 without
+//! (the table is `rates.rs`). Hence MDL, with averaging.
+//!
+//! Decomposition: nalgebra, of fixed size, which allocates nothing. For 12 antennas, on one core of a machine in use: real
+//! nalgebra 11 us, faer 16 us; complex 19 us and 19 us.
 
 mod doubt;
 mod eigen;
@@ -23,6 +35,7 @@ mod fit;
 mod form;
 mod geometry;
 mod grid;
+mod judge;
 mod matrix;
 mod order;
 mod peaks;
@@ -44,13 +57,9 @@ use eigen::Eigen;
 use form::Form;
 use geometry::{Geometry, Matrix};
 use grid::{Decibels, Grid};
-use peaks::{Peak, Peaks};
 
 /// Share of the mean eigenvalue below which eigenvalues are rounding of the f32 numbers that travel.
 const ROUNDING: f64 = 1e-6;
-
-/// Share of the weakest source's power that may be left unexplained.
-const LEFT: f64 = 0.15;
 
 /// Estimates angles of one profile; allocates only when it is made.
 #[derive(Debug, Clone)]
@@ -213,17 +222,13 @@ impl Estimator {
         }
         let gap = |k: usize| 10.0 * (eigenvalues[k - 1] / eigenvalues[k].max(f64::MIN_POSITIVE)).log10();
         let order = seen.clamp(1, largest_order);
-        let noise = |k: usize| eigenvalues[k..].iter().sum::<f64>() / (n - k) as f64;
+        let mean = |k: usize| eigenvalues[k..].iter().sum::<f64>() / (n - k) as f64;
+        let noise = |k: usize| (mean(k) - self.settings.loading).max(0.0);
         let plan = Plan { method, order, gap_db: gap(order), noise: noise(order), doubt: None };
         let Some(guards) = self.settings.guards else { return plan };
         let samples = if forward_backward { 2.0 * snapshots } else { snapshots };
-        let fall_back = |doubt| Plan {
-            method: Method::Bartlett,
-            order: 1,
-            gap_db: gap(1),
-            noise: noise(1),
-            doubt,
-        };
+        let fall_back =
+            |doubt| Plan { method: Method::Bartlett, order: 1, gap_db: gap(1), noise: noise(1), doubt };
         if samples < guards.snapshots_per_antenna * n as f64 {
             // One source at most, of which the fit tells whether it is all.
             return fall_back(None);
@@ -278,55 +283,5 @@ impl Estimator {
                 Decibels { scale: antennas.recip() as f32, offset_db, inverse: true }
             }
         }
-    }
-
-    /// What the peaks are worth.
-    fn judge(&self, plan: Plan, peaks: &Peaks, decibels: Decibels, snapshots: f64) -> Estimate {
-        let level_db = |peak: &Peak| decibels.of(peak.height.abs());
-        let given = &peaks[..peaks.len().min(plan.order)];
-        let mut directions = [(0.0, 0.0); MAX_PEAKS];
-        for (direction, peak) in directions.iter_mut().zip(given) {
-            *direction = (peak.u, peak.w);
-        }
-        let fit = fit::fit(&self.geometry, &self.full, &directions[..given.len()], snapshots);
-        // Of the power that is not noise, what more is left than noise leaves.
-        let antennas = self.geometry.count as f64;
-        let signal = antennas * (1.0 - plan.noise);
-        let left = fit.map_or(f64::INFINITY, |f| (f.noise - plan.noise) * (antennas - given.len() as f64));
-        let mismatch = (left / signal.max(1e-6)).clamp(0.0, 1.0);
-        let mut estimate = Estimate {
-            order: plan.order as u8,
-            gap_db: plan.gap_db as f32,
-            mismatch: mismatch as f32,
-            found: given.len() as u8,
-            ..Estimate::nothing(plan.method, Doubt::NothingMoves)
-        };
-        for (k, (direction, peak)) in estimate.peaks.iter_mut().zip(given).enumerate() {
-            let deviation_deg = fit.map_or(f64::INFINITY, |f| f.deviation_deg[k]);
-            *direction = Direction::new(peak.u, peak.w, level_db(peak), deviation_deg);
-        }
-        // A source as weak as what is left may be made of the same.
-        let weakest = fit.map_or(0.0, |f| f.powers[..given.len()].iter().copied().fold(f64::INFINITY, f64::min));
-        let weakest = (antennas * weakest / signal.max(1e-6)).clamp(0.0, 1.0);
-        estimate.doubt = self.settings.guards.and_then(|guards| {
-            let by_noise = plan.noise * (antennas / (snapshots * signal.max(1e-6))).sqrt();
-            let worst = estimate.peaks().iter().map(|p| p.deviation_deg).fold(0.0, f32::max);
-            let margin = given.last().zip(peaks.get(given.len())).map(|(last, next)| level_db(last) - level_db(next));
-            let drift = fit.map_or(0.0, |f| f.drift_deg[..given.len()].iter().copied().fold(0.0, f64::max));
-            let lowest = given.last().map(level_db).filter(|_| plan.method == Method::Music);
-            plan.doubt.or_else(|| {
-                let doubts = [
-                    (given.len() < plan.order, Doubt::FewerPeaks),
-                    (given.iter().any(|p| p.at_edge), Doubt::AtEdge),
-                    (mismatch > guards.mismatch.min(LEFT * weakest) + 3.0 * by_noise, Doubt::Mismatch),
-                    (drift > guards.drift_deg, Doubt::Mismatch),
-                    (lowest.is_some_and(|l| l < guards.peak_db), Doubt::Mismatch),
-                    (f64::from(worst) > guards.deviation_deg, Doubt::Imprecise),
-                    (margin.is_some_and(|m| m < guards.margin_db), Doubt::Ambiguous),
-                ];
-                doubts.into_iter().find(|d| d.0).map(|d| d.1)
-            })
-        });
-        estimate
     }
 }

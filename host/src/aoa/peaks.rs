@@ -12,6 +12,8 @@ const STEPS: usize = 24;
 const ENOUGH: f64 = 1e-6;
 /// A peak is at most so many steps of the grid from its highest point.
 const REACH: f64 = 3.0;
+/// So many more points than peaks are refined.
+const SPARE: usize = 3;
 /// Peaks nearer to each other, in direction cosines, are the same.
 const SAME: f64 = 1e-3;
 
@@ -30,14 +32,14 @@ pub(super) struct Peak {
 pub(super) type Peaks = heapless::Vec<Peak, { MAX_PEAKS + 1 }>;
 
 /// Peaks of the map before they are refined: more than are wanted, as some may turn out the same. Height, place in the map.
-type Highest = heapless::Vec<(f32, usize), { 2 * MAX_PEAKS + 2 }>;
+type Highest = heapless::Vec<(f32, usize), { MAX_PEAKS + SPARE }>;
 
 /// The highest peaks of `map`, at most `wanted` and one. `inverse`: they are minima of the form.
 pub(super) fn find(grid: &Grid, form: &Form, map: &[f32], inverse: bool, wanted: usize) -> Peaks {
     let (columns, rows) = (grid.azimuth_deg.len(), grid.elevation_deg.len());
     let highest = grid.arch.dispatch(Search { map, columns });
     let mut peaks = Peaks::new();
-    for &(_, place) in &highest {
+    for &(_, place) in highest.iter().take(wanted + SPARE) {
         let (row, column) = (place / columns, place % columns);
         let border = column == 0 || column + 1 == columns || rows > 1 && (row == 0 || row + 1 == rows);
         let start = grid.direction(row, column);
@@ -141,13 +143,7 @@ fn insert<const N: usize>(highest: &mut heapless::Vec<(f32, usize), N>, peak: (f
 
 /// Newton's method from a point of the grid, downhill: direction and value. `None` where that leads away: a ridge of a map too
 /// coarse for it, or the slope of what is out of view.
-fn refine(
-    form: &Form,
-    start: (f64, f64),
-    inverse: bool,
-    two: bool,
-    step: f64,
-) -> Option<(f64, f64, f64)> {
+fn refine(form: &Form, start: (f64, f64), inverse: bool, two: bool, step: f64) -> Option<(f64, f64, f64)> {
     let sign = if inverse { 1.0 } else { -1.0 };
     let (mut u, mut w) = start;
     let mut here = form.at(u, w);

@@ -172,10 +172,14 @@ impl Settings {
 #[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
 pub enum SettingsError {
     /// The profile's transmitters.
-    #[error("the geometry is not defined: a slot with several transmitters, or one that the board does not have")]
+    #[error(
+        "the geometry is not defined: a slot with several transmitters, or one that the board does not have"
+    )]
     NoGeometry,
     /// All antennas above each other.
-    #[error("the antennas are on a vertical line, or in one place: no azimuth; turn the board or use more of them")]
+    #[error(
+        "the antennas are on a vertical line, or in one place: no azimuth; turn the board or use more of them"
+    )]
     NoAzimuth,
     /// Forward-backward averaging needs symmetry.
     #[error("forward-backward averaging needs an array that is symmetric about its centre; this one is not")]

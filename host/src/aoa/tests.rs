@@ -1,4 +1,4 @@
-use rand::SeedableRng;
+use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rfhoi_shared::array::{AntennaArray, Mounting};
 
@@ -33,7 +33,10 @@ fn every_board_and_mounting_finds_a_source_by_every_method() {
             let profile = RadarProfile { mounting, ..profile(array) };
             let Ok(settings) = Settings::of(&profile) else {
                 // A line on end.
-                assert_eq!(Estimator::new(&profile, Settings::default()).err(), Some(SettingsError::NoAzimuth));
+                assert_eq!(
+                    Estimator::new(&profile, Settings::default()).err(),
+                    Some(SettingsError::NoAzimuth)
+                );
                 continue;
             };
             let line = array == AntennaArray::Xwr1642Boost;
@@ -108,13 +111,50 @@ fn what_is_no_covariance_of_this_array_has_its_reason() {
 }
 
 #[test]
+fn any_bits_and_any_powers_do_no_harm() {
+    let mut rng = ChaCha8Rng::seed_from_u64(5);
+    let profile = profile(AntennaArray::Awr1843Aop);
+    let mut estimators = [Method::Music, Method::Capon, Method::Bartlett].map(|method| {
+        let settings = Settings { method, points: 16, largest_order: MAX_PEAKS, ..Settings::default() };
+        let raw = Settings { order: Order::Aic, loading: 0.0, guards: None, ..settings };
+        [settings, raw].map(|settings| Estimator::new(&profile, settings).unwrap())
+    });
+    for draw in 0..3000 {
+        let mut any = |_| match draw % 3 {
+            0 => f32::from_bits(rng.random()),
+            1 => rng.random::<f32>() - 0.3,
+            // Ones and zeros: ranks of every kind.
+            _ => f32::from(rng.random::<bool>()),
+        };
+        let mut covariance = Covariance { frame: 0, antennas: 12, packed: (0..144).map(&mut any).collect() };
+        if draw % 2 == 0 {
+            // A diagonal that dominates, so that more of them are covariances.
+            let mut at = 0;
+            for i in 0..12 {
+                covariance.packed[at] = 20.0;
+                at += 1 + 2 * (11 - i);
+            }
+        }
+        for estimator in estimators.as_flattened_mut() {
+            let estimate = estimator.estimate(&covariance, rng.random());
+            let peaks = estimate.peaks().iter();
+            assert!(peaks.into_iter().all(|p| p.azimuth_deg.is_finite() && p.elevation_deg.is_finite()));
+            let empty = estimate.doubt.is_some_and(Doubt::is_empty);
+            assert!(empty || estimator.map_db().iter().all(|v| v.is_finite()), "{estimate:?}");
+        }
+    }
+}
+
+#[test]
 fn settings_that_do_not_fit_are_refused() {
     let refused = |array, settings| Estimator::new(&profile(array), settings).err();
     let default = Settings::default();
     use AntennaArray::{Awr1843Aop, Iwr6843Aop, Xwr1642Boost};
     assert_eq!(refused(Iwr6843Aop, default), Some(SettingsError::NotSymmetric));
     let smoothing = |columns, rows| Some(Subarray { columns, rows });
-    for (array, columns, rows) in [(Awr1843Aop, 5, 1), (Awr1843Aop, 1, 3), (Xwr1642Boost, 4, 2), (Awr1843Aop, 255, 255)] {
+    for (array, columns, rows) in
+        [(Awr1843Aop, 5, 1), (Awr1843Aop, 1, 3), (Xwr1642Boost, 4, 2), (Awr1843Aop, 255, 255)]
+    {
         let settings = Settings { smoothing: smoothing(columns, rows), ..default };
         assert_eq!(refused(array, settings), Some(SettingsError::NoSubarray(columns, rows)));
     }

@@ -9,7 +9,7 @@ use rfhoi_shared::wire::Covariance;
 use serde::Serialize;
 
 use super::ReplayError;
-use crate::aoa::{Estimate, Estimator, Method, Settings};
+use crate::aoa::{Estimator, Method, Settings};
 use crate::npz::Npz;
 use crate::plot::{Axis, ColourScale, Figure, Heatmap, Lines, Panel, Reduce, Series, Style};
 use crate::receive::{HeatMap, RadarFrame};
@@ -18,6 +18,8 @@ use crate::receive::{HeatMap, RadarFrame};
 const ANGLES: usize = 61;
 /// Colours of a picture span so much, dB, down from the strongest cell.
 const SPAN_DB: f32 = 60.0;
+/// The same of a picture of angles.
+const ANGLE_SPAN_DB: f32 = 30.0;
 /// Frames that are missing between two are shown as a gap of at most so many.
 const LONGEST_GAP: u32 = 1_000;
 
@@ -50,9 +52,8 @@ pub(super) struct RadarSeries<'f> {
     angles: Option<Angles>,
 }
 
-/// Spectra over time, dB: the maximum over the other angle; NaN where they are doubted.
+/// Spectra over time, dB below the highest point of each: the maximum over the other angle; NaN where they are doubted.
 struct Angles {
-    method: Method,
     azimuth_deg: Array1<f32>,
     elevation_deg: Array1<f32>,
     /// Frame x azimuth.
@@ -286,10 +287,16 @@ impl<'f> RadarSeries<'f> {
         };
         let panel = |title: &str, name: &str, values: &Array2<f32>, degrees: &Array1<f32>| {
             let image = self.over_time(degrees.len(), 1, |f, a, _| values[(f, a)]);
-            self.heatmap(title, image, self.time_axis(), around(name, "deg", degrees))
+            let scale = ColourScale::new("below the highest", "dB").with_range(-ANGLE_SPAN_DB, 0.0);
+            let (x, y) = (self.time_axis(), around(name, "deg", degrees));
+            Panel::Heatmap(Heatmap { title: title.into(), values: image, x, y, scale, reduce: Reduce::Max })
         };
         let title = |angle: &str| {
-            format!("{angle} over time ({}), hatched where doubted or nothing moves", angles.method)
+            let methods = [Method::Music, Method::Bartlett];
+            format!(
+                "{angle} over time ({}, {} where little moves), hatched where doubted",
+                methods[0], methods[1]
+            )
         };
         let mut panels = vec![panel(&title("Azimuth"), "azimuth", &angles.azimuth, &angles.azimuth_deg)];
         if angles.elevation_deg.len() > 1 {
@@ -351,18 +358,18 @@ fn angles(config: &RadarConfig, frames: &[RadarFrame]) -> Option<Angles> {
     let elevation_deg = Array1::from(estimator.elevation_deg().to_vec());
     let mut azimuth = Array2::from_elem((frames.len(), azimuth_deg.len()), f32::NAN);
     let mut elevation = Array2::from_elem((frames.len(), elevation_deg.len()), f32::NAN);
-    // A spectrum of another method, which is taken where snapshots are few, has another scale.
-    let shown = |e: &Estimate| e.doubt.is_none() && e.method == settings.method;
     let most = |row: ndarray::ArrayView1<'_, f32>| row.fold(f32::NEG_INFINITY, |m, &level| m.max(level));
     for (f, frame) in frames.iter().enumerate() {
         let cells = frame.info.as_ref().map_or(0, |info| info.moving_cells);
         let Some(covariance) = frame.covariance.as_ref() else { continue };
-        if shown(&estimator.estimate(covariance, cells)) {
+        if estimator.estimate(covariance, cells).doubt.is_none() {
             let shape = (elevation_deg.len(), azimuth_deg.len());
             let map = ArrayView2::from_shape(shape, estimator.map_db()).ok()?;
-            azimuth.row_mut(f).assign(&map.map_axis(Dim(0), most));
-            elevation.row_mut(f).assign(&map.map_axis(Dim(1), most));
+            // The scales of the methods differ.
+            let top = map.fold(f32::NEG_INFINITY, |m, &level| m.max(level));
+            azimuth.row_mut(f).assign(&(map.map_axis(Dim(0), most) - top));
+            elevation.row_mut(f).assign(&(map.map_axis(Dim(1), most) - top));
         }
     }
-    Some(Angles { method: settings.method, azimuth_deg, elevation_deg, azimuth, elevation })
+    Some(Angles { azimuth_deg, elevation_deg, azimuth, elevation })
 }

@@ -121,9 +121,7 @@ fn axes(radar: &Radar, estimator: &Estimator) -> MapAxes {
     let first = f32::from(gate.first) * range_bin;
     let slowest = -(loops / 2.0).floor() * velocity_bin;
     let widest = estimator.azimuth_deg().last().copied().unwrap_or(0.0);
-    let angle = |degrees: &[f32]| {
-        edges(-widest, widest, 2.0 * widest / (degrees.len().max(2) - 1) as f32)
-    };
+    let angle = |degrees: &[f32]| edges(-widest, widest, 2.0 * widest / (degrees.len().max(2) - 1) as f32);
     MapAxes {
         range_m: edges(first, first + f32::from(gate.bins - 1) * range_bin, range_bin),
         velocity_m_s: edges(slowest, slowest + (loops - 1.0) * velocity_bin, velocity_bin),

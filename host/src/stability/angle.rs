@@ -6,6 +6,8 @@
 //! of several the worst of the best assignment, infinite where their number is wrong.
 
 mod scene;
+#[cfg(test)]
+mod tests;
 
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
@@ -148,9 +150,11 @@ const CASES: &[AngleCase] = &[
         name: "music-snr",
         about: "One source in ever less noise, 16 snapshots; the guard tells by signal, noise and snapshots how exact a \
                 direction can be.",
-        stress: stress("signal over noise", "dB", &[
-            -20.0, -15.0, -10.0, -7.5, -5.0, -2.5, 0.0, 2.5, 5.0, 10.0, 15.0, 20.0, 25.0, 30.0,
-        ]),
+        stress: stress(
+            "signal over noise",
+            "dB",
+            &[-20.0, -15.0, -10.0, -7.5, -5.0, -2.5, 0.0, 2.5, 5.0, 10.0, 15.0, 20.0, 25.0, 30.0],
+        ),
         question: Question::All,
         scene: |stress, rng| one(stress, 16, rng),
         settings: |_, guard, order| settings(guard, order),
@@ -168,7 +172,11 @@ const CASES: &[AngleCase] = &[
     AngleCase {
         name: "music-two-sources",
         about: "Two sources ever farther apart; the guard sees two where there is one peak.",
-        stress: stress("separation", "deg", &[2.0, 4.0, 6.0, 8.0, 10.0, 12.0, 15.0, 20.0, 26.0, 32.0, 40.0, 50.0, 60.0]),
+        stress: stress(
+            "separation",
+            "deg",
+            &[2.0, 4.0, 6.0, 8.0, 10.0, 12.0, 15.0, 20.0, 26.0, 32.0, 40.0, 50.0, 60.0],
+        ),
         question: Question::All,
         scene: |stress, rng| two(stress, [SNR_DB; 2], rng),
         settings: |_, guard, order| settings(guard, order),
@@ -178,7 +186,11 @@ const CASES: &[AngleCase] = &[
         name: "music-coherent",
         about: "Two sources 40 degrees apart, ever more correlated; the guard averages forward and backward over subarrays \
                 of 3 x 2 and sees what the directions do not explain.",
-        stress: stress("correlation", "", &[0.0, 0.2, 0.4, 0.6, 0.8, 0.9, 0.95, 0.98, 0.99, 0.995, 0.999, 1.0]),
+        stress: stress(
+            "correlation",
+            "",
+            &[0.0, 0.2, 0.4, 0.6, 0.8, 0.9, 0.95, 0.98, 0.99, 0.995, 0.999, 1.0],
+        ),
         question: Question::All,
         scene: |stress, rng| Scene { correlation: stress, ..two(40.0, [SNR_DB; 2], rng) },
         settings: |_, guard, order| {
@@ -208,7 +220,11 @@ const CASES: &[AngleCase] = &[
     AngleCase {
         name: "music-calibration",
         about: "One source, antennas of ever larger phase errors; the guard sees what the direction does not explain.",
-        stress: stress("phase error", "deg rms", &[0.0, 2.0, 5.0, 8.0, 10.0, 15.0, 20.0, 30.0, 40.0, 60.0, 90.0]),
+        stress: stress(
+            "phase error",
+            "deg rms",
+            &[0.0, 2.0, 5.0, 8.0, 10.0, 15.0, 20.0, 30.0, 40.0, 60.0, 90.0],
+        ),
         question: Question::All,
         scene: |stress, rng| Scene { phase_error_deg: stress, ..one(SNR_DB, SNAPSHOTS, rng) },
         settings: |_, guard, order| settings(guard, order),
@@ -227,7 +243,14 @@ const CASES: &[AngleCase] = &[
     AngleCase {
         name: "music-scale",
         about: "One source from far below to far above full scale, in noise 20 dB below; the guard knows the least normal number.",
-        stress: stress("level", "dB", &[-440.0, -400.0, -360.0, -340.0, -320.0, -300.0, -200.0, -100.0, 0.0, 100.0, 200.0, 300.0, 360.0, 400.0]),
+        stress: stress(
+            "level",
+            "dB",
+            &[
+                -440.0, -400.0, -360.0, -340.0, -320.0, -300.0, -200.0, -100.0, 0.0, 100.0, 200.0, 300.0,
+                360.0, 400.0,
+            ],
+        ),
         question: Question::All,
         scene: |stress, rng| Scene { level_db: stress, ..one(SNR_DB, SNAPSHOTS, rng) },
         settings: |_, guard, order| settings(guard, order),
@@ -236,7 +259,11 @@ const CASES: &[AngleCase] = &[
     AngleCase {
         name: "music-dominating",
         about: "A source ever weaker beside one of 30 dB, 40 degrees away; the guard says if it finds one only.",
-        stress: stress("weaker by", "dB", &[0.0, 5.0, 10.0, 15.0, 20.0, 25.0, 30.0, 35.0, 40.0, 45.0, 50.0, 60.0]),
+        stress: stress(
+            "weaker by",
+            "dB",
+            &[0.0, 5.0, 10.0, 15.0, 20.0, 25.0, 30.0, 35.0, 40.0, 45.0, 50.0, 60.0],
+        ),
         question: Question::Second,
         scene: |stress, rng| two(40.0, [30.0, 30.0 - stress], rng),
         settings: |_, guard, order| settings(guard, order),

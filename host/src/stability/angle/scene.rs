@@ -39,6 +39,7 @@ impl Scene {
     }
 
     /// Draws what is random, and the covariance.
+    #[allow(clippy::needless_range_loop, reason = "rows and columns by their numbers, as the formula has them")]
     pub fn covariance(&self, profile: &RadarProfile, rng: &mut ChaCha8Rng) -> Covariance {
         let antennas = virtual_antennas(profile).unwrap_or_default();
         let n = antennas.len();
@@ -115,7 +116,12 @@ pub(super) fn direction(rng: &mut ChaCha8Rng) -> Direction {
 }
 
 /// Directions within view, each at least `least_deg` and neighbours in the list at most `most_deg` from each other.
-pub(super) fn directions(count: usize, least_deg: f64, most_deg: f64, rng: &mut ChaCha8Rng) -> Vec<Direction> {
+pub(super) fn directions(
+    count: usize,
+    least_deg: f64,
+    most_deg: f64,
+    rng: &mut ChaCha8Rng,
+) -> Vec<Direction> {
     let mut found: Vec<Direction> = Vec::new();
     for draw in 0.. {
         let next = direction(rng);
