@@ -34,6 +34,11 @@ const STEADY_STEPS: u32 = 4;
 const REST_SPEED: f64 = 0.2;
 /// What a hop adds to the noise, rad: errors of two offsets, each the mean of a visit's reads.
 const HOP_NOISE: f64 = 0.08;
+/// What is kept of the surprise at a hop to the next one.
+const SURPRISE_KEPT: f64 = 0.7;
+/// Sum of squared innovations over their variances at hops past which offsets are stale although each hop fits alone; its mean
+/// is 3.3.
+const LARGEST_SURPRISE: f64 = 11.0;
 /// What the level of a resting tag may be off beyond noise, rad: sway, and errors of offsets.
 const REST_BAND: f64 = 0.1;
 
@@ -71,6 +76,8 @@ pub(super) struct Track {
     steps: u32,
     refused: u32,
     flips: f64,
+    /// How far hops have been off of late.
+    surprise: f64,
     /// Since when the tag is faster than reads can follow, us, and the quick steps since.
     latch: Option<(u64, u32)>,
     interrupted: Option<Invalid>,
@@ -87,6 +94,7 @@ impl Track {
             steps: 0,
             refused: 0,
             flips: 0.0,
+            surprise: 0.0,
             latch: None,
             interrupted: None,
         }
@@ -178,12 +186,16 @@ impl Track {
         if place(last.channel).is_none() || place(now.channel).is_none() {
             return (self.restart(now, settings, Invalid::ChannelUnknown), true);
         }
-        // Unseen is only the time since any antenna has seen the tag rest.
         let mut from = last.time;
         let resting = rest.span().filter(|&(since, _)| since <= last.time);
         let scale = settings.radians_per_metre(now.channel);
-        if let Some((_, until)) = resting {
-            from = from.max(until.min(now.time));
+        let half_turns = (now.time - last.time) as f64 / settings.longest_us(now.channel);
+        let promised = half_turns <= 1.0;
+        // Unseen is only the time since any antenna has seen the tag rest.
+        let others =
+            resting.map(|(_, until)| until.min(now.time)).filter(|&until| until > last.time || !promised);
+        if let Some(until) = others {
+            from = from.max(until);
             self.filter.rest(REST_SPEED * scale);
         }
         let hop = last.channel != now.channel;
@@ -192,8 +204,6 @@ impl Track {
             self.filter.expect((now.time - from) as f64 * 1e-6, settings.acceleration * scale, extra);
         let deviations = if hop { Settings::HOP_GATE } else { Settings::GATE };
         let mut gate = deviations * expected.variance.sqrt();
-        let half_turns = (now.time - last.time) as f64 / settings.longest_us(now.channel);
-        let promised = half_turns <= 1.0;
         let known = self.steps >= KNOWN_STEPS || resting.is_some();
         if !known {
             // The scene's fastest tag turns no further.
@@ -219,7 +229,17 @@ impl Track {
         if gate < WIDEST_GATE && beyond.abs() > gate {
             return self.implausible(now, &expected, beyond, gate, hop, settings);
         }
+        if hop {
+            self.surprise = SURPRISE_KEPT * self.surprise + beyond * beyond / expected.variance;
+            if self.surprise > LARGEST_SURPRISE {
+                return self.stale(now, &expected);
+            }
+        }
         self.filter.update(&expected, beyond);
+        // What may just have begun to move is less certain than what noise is measured by.
+        if others.is_none() {
+            self.filter.measure(&expected, beyond);
+        }
         self.steps += 1;
         let turned = expected.turn + beyond;
         (self.trusted(last, now, rest, settings).map(|()| turned), true)
@@ -268,9 +288,7 @@ impl Track {
             return (Err(Invalid::PiAmbiguity), false);
         }
         if hop {
-            self.offsets.doubt(now.channel);
-            self.filter.coast(expected);
-            return (Err(Invalid::StaleCalibration), true);
+            return self.stale(now, expected);
         }
         self.filter.measure(expected, beyond);
         let why = if self.refused > 0 { Invalid::PiAmbiguity } else { Invalid::Aliased };
@@ -280,6 +298,14 @@ impl Track {
             self.offsets.begin_again();
         }
         (self.restart(now, settings, why), true)
+    }
+
+    /// A hop to a channel whose offset has changed.
+    fn stale(&mut self, now: Reading, expected: &Expected) -> (Result<f64, Invalid>, bool) {
+        self.surprise = 0.0;
+        self.offsets.doubt(now.channel);
+        self.filter.coast(expected);
+        (Err(Invalid::StaleCalibration), true)
     }
 
     /// Whether plausible steps may be believed.
