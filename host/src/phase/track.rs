@@ -34,11 +34,6 @@ const STEADY_STEPS: u32 = 4;
 const REST_SPEED: f64 = 0.2;
 /// What a hop adds to the noise, rad: errors of two offsets, each the mean of a visit's reads.
 const HOP_NOISE: f64 = 0.08;
-/// What is kept of the surprise at a hop to the next one.
-const SURPRISE_KEPT: f64 = 0.7;
-/// Sum of squared innovations over their variances at hops past which offsets are stale although each hop fits alone; its mean
-/// is 3.3.
-const LARGEST_SURPRISE: f64 = 11.0;
 /// What the level of a resting tag may be off beyond noise, rad: sway, and errors of offsets.
 const REST_BAND: f64 = 0.1;
 
@@ -76,8 +71,6 @@ pub(super) struct Track {
     steps: u32,
     refused: u32,
     flips: f64,
-    /// How far hops have been off of late.
-    surprise: f64,
     /// Since when the tag is faster than reads can follow, us, and the quick steps since.
     latch: Option<(u64, u32)>,
     interrupted: Option<Invalid>,
@@ -94,7 +87,6 @@ impl Track {
             steps: 0,
             refused: 0,
             flips: 0.0,
-            surprise: 0.0,
             latch: None,
             interrupted: None,
         }
@@ -229,12 +221,6 @@ impl Track {
         if gate < WIDEST_GATE && beyond.abs() > gate {
             return self.implausible(now, &expected, beyond, gate, hop, settings);
         }
-        if hop {
-            self.surprise = SURPRISE_KEPT * self.surprise + beyond * beyond / expected.variance;
-            if self.surprise > LARGEST_SURPRISE {
-                return self.stale(now, &expected);
-            }
-        }
         self.filter.update(&expected, beyond);
         // What may just have begun to move is less certain than what noise is measured by.
         if others.is_none() {
@@ -302,7 +288,6 @@ impl Track {
 
     /// A hop to a channel whose offset has changed.
     fn stale(&mut self, now: Reading, expected: &Expected) -> (Result<f64, Invalid>, bool) {
-        self.surprise = 0.0;
         self.offsets.doubt(now.channel);
         self.filter.coast(expected);
         (Err(Invalid::StaleCalibration), true)
