@@ -10,8 +10,9 @@ use num_complex::Complex;
 
 /// `angle` in radians, wrapped to (-pi, pi].
 pub fn wrap(angle: f64) -> f64 {
-    let wrapped = angle.rem_euclid(TAU);
-    if wrapped > PI { wrapped - TAU } else { wrapped }
+    // Much quicker than a remainder, and as exact for the few turns that come.
+    let wrapped = angle - TAU * (angle / TAU).round();
+    if wrapped <= -PI { wrapped + TAU } else { wrapped }
 }
 
 /// Circular standard deviation in radians of angles with mean resultant length `r`.

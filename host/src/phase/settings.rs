@@ -68,8 +68,8 @@ impl Default for Settings {
 impl Settings {
     /// Half-width of what is plausible, in standard deviations: noise is beyond in 1 of 150,000 steps.
     pub(super) const GATE: f64 = 4.5;
-    /// The same of hops, which are fewer and err more often, and of looks at rest: 1 of 1,000.
-    pub(super) const HOP_GATE: f64 = 3.3;
+    /// The same of hops, which are fewer and err more often, and of looks at rest: 1 of 370.
+    pub(super) const HOP_GATE: f64 = 3.0;
 
     /// How far the phase turns by one metre of the tag's distance on `channel`, radians.
     pub(super) fn radians_per_metre(&self, channel: ChannelIndex) -> f64 {

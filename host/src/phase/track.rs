@@ -178,12 +178,16 @@ impl Track {
         if place(last.channel).is_none() || place(now.channel).is_none() {
             return (self.restart(now, settings, Invalid::ChannelUnknown), true);
         }
-        // Unseen is only the time since any antenna has seen the tag rest.
         let mut from = last.time;
         let resting = rest.span().filter(|&(since, _)| since <= last.time);
         let scale = settings.radians_per_metre(now.channel);
-        if let Some((_, until)) = resting {
-            from = from.max(until.min(now.time));
+        let half_turns = (now.time - last.time) as f64 / settings.longest_us(now.channel);
+        let promised = half_turns <= 1.0;
+        // Unseen is only the time since any antenna has seen the tag rest.
+        let others =
+            resting.map(|(_, until)| until.min(now.time)).filter(|&until| until > last.time || !promised);
+        if let Some(until) = others {
+            from = from.max(until);
             self.filter.rest(REST_SPEED * scale);
         }
         let hop = last.channel != now.channel;
@@ -192,8 +196,6 @@ impl Track {
             self.filter.expect((now.time - from) as f64 * 1e-6, settings.acceleration * scale, extra);
         let deviations = if hop { Settings::HOP_GATE } else { Settings::GATE };
         let mut gate = deviations * expected.variance.sqrt();
-        let half_turns = (now.time - last.time) as f64 / settings.longest_us(now.channel);
-        let promised = half_turns <= 1.0;
         let known = self.steps >= KNOWN_STEPS || resting.is_some();
         if !known {
             // The scene's fastest tag turns no further.
@@ -220,6 +222,10 @@ impl Track {
             return self.implausible(now, &expected, beyond, gate, hop, settings);
         }
         self.filter.update(&expected, beyond);
+        // What may just have begun to move is less certain than what noise is measured by.
+        if others.is_none() {
+            self.filter.measure(&expected, beyond);
+        }
         self.steps += 1;
         let turned = expected.turn + beyond;
         (self.trusted(last, now, rest, settings).map(|()| turned), true)
@@ -268,9 +274,7 @@ impl Track {
             return (Err(Invalid::PiAmbiguity), false);
         }
         if hop {
-            self.offsets.doubt(now.channel);
-            self.filter.coast(expected);
-            return (Err(Invalid::StaleCalibration), true);
+            return self.stale(now, expected);
         }
         self.filter.measure(expected, beyond);
         let why = if self.refused > 0 { Invalid::PiAmbiguity } else { Invalid::Aliased };
@@ -280,6 +284,13 @@ impl Track {
             self.offsets.begin_again();
         }
         (self.restart(now, settings, why), true)
+    }
+
+    /// A hop to a channel whose offset has changed.
+    fn stale(&mut self, now: Reading, expected: &Expected) -> (Result<f64, Invalid>, bool) {
+        self.offsets.doubt(now.channel);
+        self.filter.coast(expected);
+        (Err(Invalid::StaleCalibration), true)
     }
 
     /// Whether plausible steps may be believed.
