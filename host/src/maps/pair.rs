@@ -11,8 +11,9 @@ use crate::receive::{HeatMap, RadarFrame};
 /// the limits for a tenth of the time.
 const MAX_CLIPPED: f32 = 1e-3;
 /// Share of chirps lost above which a frame's side lobes stand out: those of losses at random are at `p / (N (1 - p))` of an
-/// echo's power, N chirps.
-const MAX_CHIRPS_LOST: f32 = 0.1;
+/// echo's power, N chirps. Up to here an echo 10 dB below the strongest one of its range keeps its level to within 3 dB (the
+/// stability case `frame-holes`).
+const MAX_CHIRPS_LOST: f32 = 0.2;
 /// A range-time cell is a mean over more draws of noise than a range-Doppler cell, and has not the gain of the
 /// Doppler FFT: half as many decibels over the noise are as sure a sign.
 const TIME_RISE: f32 = 0.5;
@@ -56,7 +57,12 @@ impl MapPair {
     }
 
     /// Writes the squares of a frame that came over the wire.
-    pub fn frame(&mut self, frame: &RadarFrame, range_doppler: &mut [f32], range_time: &mut [f32]) -> PairState {
+    pub fn frame(
+        &mut self,
+        frame: &RadarFrame,
+        range_doppler: &mut [f32],
+        range_time: &mut [f32],
+    ) -> PairState {
         let account = match &frame.info {
             // A radar's own maps over UART know of no chirps.
             Some(info) if info.chirps == 0 => None,

@@ -16,8 +16,8 @@ pub const MIN_POINTS: usize = 16;
 pub const MAX_POINTS: usize = 256;
 
 /// Neighbouring rows that are filled from those around them, at most: an echo is as wide as the window's main lobe, four
-/// bins, so what is lost of it is seen beside the gap.
-const MAX_ROWS_FILLED: usize = 2;
+/// bins, so it still shows on both sides of a gap of one.
+const MAX_ROWS_FILLED: usize = 1;
 /// Share of cells under the noise's level, whatever else is in the map.
 const FLOOR_SHARE: f32 = 0.25;
 
@@ -150,9 +150,10 @@ impl Resampler {
         let [rows, columns] = self.shape;
         let mut counts = [0u32; 256];
         let (scale, fits) = match levels {
-            Levels::Codes(map) => {
-                (map.scale, (map.arrived.len(), map.columns) == (rows, columns) && map.codes.len() == rows * columns)
-            }
+            Levels::Codes(map) => (
+                map.scale,
+                (map.arrived.len(), map.columns) == (rows, columns) && map.codes.len() == rows * columns,
+            ),
             Levels::Powers(powers) => (level::SCALE, powers.len() == rows * columns),
         };
         if !fits || out != self.points * self.points {
@@ -356,7 +357,8 @@ mod tests {
     fn a_map_goes_from_zero_to_one_with_its_peak_in_place() {
         for points in [16, 64, 200, 256] {
             let mut resampler = Resampler::new(72, 64, points, 12.0).unwrap();
-            let map = heat_map(72, 64, |r, c| if (r, c) == (18, 48) { 200 } else { 60 + (r * 7 + c) as u8 % 4 });
+            let map =
+                heat_map(72, 64, |r, c| if (r, c) == (18, 48) { 200 } else { 60 + (r * 7 + c) as u8 % 4 });
             let mut out = vec![f32::NAN; points * points];
             let state = resampler.map(Levels::Codes(&map), &mut out);
             assert_eq!(state.flaw, None);
@@ -394,7 +396,7 @@ mod tests {
         resampler.map(Levels::Codes(&whole), &mut want);
         let mut out = want.clone();
         let mut lossy = whole.clone();
-        for row in [10, 11, 40] {
+        for row in [10, 12, 40] {
             lossy.arrived[row] = false;
             lossy.codes[row * 64..(row + 1) * 64].fill(0);
         }
@@ -403,7 +405,7 @@ mod tests {
         for (got, want) in out.iter().zip(&want) {
             assert!((got - want).abs() < 1e-5, "a slope is filled as it was");
         }
-        lossy.arrived[12] = false;
+        lossy.arrived[11] = false;
         assert_eq!(resampler.map(Levels::Codes(&lossy), &mut out).flaw, Some(Flaw::RowsMissing));
         lossy.arrived.fill(false);
         assert_eq!(resampler.map(Levels::Codes(&lossy), &mut out).flaw, Some(Flaw::RowsMissing));

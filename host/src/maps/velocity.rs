@@ -169,7 +169,9 @@ impl VelocityGuard {
     /// Level of the noise: the least mean of a row's quarter.
     fn floor(&self, codes: &[u8]) -> u8 {
         let quarter = (self.columns / 4).max(1);
-        let means = codes.chunks_exact(quarter).map(|q| q.iter().map(|&c| u32::from(c)).sum::<u32>() / q.len() as u32);
+        let means = codes
+            .chunks_exact(quarter)
+            .map(|q| q.iter().map(|&c| u32::from(c)).sum::<u32>() / q.len() as u32);
         means.min().unwrap_or(0) as u8
     }
 }

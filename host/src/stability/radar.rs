@@ -26,33 +26,23 @@ mod tests {
 
     #[test]
     fn what_fails_says_so() {
-        for seed in [1, 2, 3] {
-            let cases = cases();
-            let cases: Vec<&dyn Case> = cases.iter().map(AsRef::as_ref).collect();
-            let results = run(&cases, Options { trials: 200, seed }, &mut |_| true).unwrap();
-            for result in results {
-                let [plain, guarded] = &result.curves;
-                for (p, g) in plain.points.iter().zip(&guarded.points) {
-                    println!(
-                        "{:<24} {:>8} {:<4} alone: right {:>3} silent {:>3}; guarded: right {:>3} announced {:>3} needless \
-                         {:>3} silent {:>3} {:?}",
-                        result.name,
-                        p.stress,
-                        result.stress_unit,
-                        p.right,
-                        p.silent,
-                        g.right,
-                        g.announced,
-                        g.needless,
-                        g.silent,
-                        g.reasons
-                    );
-                }
-                assert!(guarded.points.iter().all(|p| p.silent == 0), "{}: silent", result.name);
-                assert!(plain.points.iter().any(|p| p.silent > 100), "{} never fails", result.name);
-                let most = guarded.points.iter().map(|p| p.right).max();
-                assert!(most >= Some(190), "{}: right {most:?} times at best", result.name);
+        const TRIALS: u32 = 25;
+        let cases = cases();
+        let cases: Vec<&dyn Case> = cases.iter().map(AsRef::as_ref).collect();
+        let results = run(&cases, Options { trials: TRIALS, seed: 1 }, &mut |_| true).unwrap();
+        for result in results {
+            let [plain, guarded] = &result.curves;
+            for (p, g) in plain.points.iter().zip(&guarded.points) {
+                let name = format!("{} at {} {}", result.name, p.stress, result.stress_unit);
+                println!(
+                    "{name:<48} alone: right {:>3} silent {:>3}; guarded: right {:>3} announced {:>3} needless {:>3} silent \
+                     {:>3} {:?}",
+                    p.right, p.silent, g.right, g.announced, g.needless, g.silent, g.reasons
+                );
+                assert_eq!(g.silent, 0, "{name}");
             }
+            assert!(plain.points.iter().any(|p| p.silent > TRIALS / 2), "{} never fails", result.name);
+            assert!(guarded.points.iter().any(|p| p.right == TRIALS), "{} is never right", result.name);
         }
     }
 }

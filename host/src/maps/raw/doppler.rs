@@ -84,7 +84,8 @@ impl DopplerFft {
                 continue;
             }
             slot.chirps = chirps;
-            let sum: f32 = self.window.iter().enumerate().filter(|&(l, _)| came(index, l)).map(|(_, w)| w).sum();
+            let sum: f32 =
+                self.window.iter().enumerate().filter(|&(l, _)| came(index, l)).map(|(_, w)| w).sum();
             let norm = if sum > 0.0 { 1.0 / sum } else { 0.0 };
             for (l, (weight, w)) in slot.weights.iter_mut().zip(&self.window).enumerate() {
                 *weight = if came(index, l) { w * norm } else { 0.0 };

@@ -143,11 +143,20 @@ impl RawMaps {
         })
     }
 
-    /// Takes the words of a frame; `lost` are the numbers of chirps that did not come whole, in any order.
+    /// Both halves of a frame's work: [`Self::powers`] and [`Self::moving_cells`].
     ///
     /// # Errors
     /// If the bytes are not as many as a frame has.
     pub fn frame(&mut self, words: &[u8], lost: &[u32]) -> Result<RawFrame, FrameSize> {
+        let frame = self.powers(words, lost)?;
+        Ok(RawFrame { moving_cells: self.moving_cells(), ..frame })
+    }
+
+    /// Takes the words of a frame to its spectra and powers; `lost` are the numbers of chirps that did not come whole, in any order.
+    ///
+    /// # Errors
+    /// If the bytes are not as many as a frame has.
+    pub fn powers(&mut self, words: &[u8], lost: &[u32]) -> Result<RawFrame, FrameSize> {
         let expected = self.layout.frame_bytes();
         if words.len() != expected {
             return Err(FrameSize { expected, got: words.len() });
@@ -162,8 +171,7 @@ impl RawMaps {
         // The widest registers that the machine has.
         let clipped = self.arch.dispatch(Frame { maps: self, words });
         self.doppler.finish();
-        let moving_cells = self.covariances();
-        Ok(RawFrame { clipped, chirps_lost, moving_cells })
+        Ok(RawFrame { clipped, chirps_lost, moving_cells: 0 })
     }
 
     /// Power relative to a full-scale tone, by range bin of the gate and Doppler bin from `-loops/2` to `loops/2 - 1`, the
@@ -189,9 +197,10 @@ impl RawMaps {
         Some((self.bin_covariances.get(bin * size..(bin + 1) * size)?, *self.bin_cells.get(bin)?))
     }
 
-    /// Finds the moving cells of every range bin and their covariances. Returns how many there are.
-    fn covariances(&mut self) -> u32 {
-        let Self { moving, layout, spectra, range_doppler, covariance, bin_covariances, bin_cells, .. } = self;
+    /// Finds the moving cells of the latest powers, and their covariances. Returns how many there are.
+    pub fn moving_cells(&mut self) -> u32 {
+        let Self { moving, layout, spectra, range_doppler, covariance, bin_covariances, bin_cells, .. } =
+            self;
         let Layout { loops, blocks, .. } = *layout;
         let mut power = [0.0; MAX_LOOPS];
         let power = &mut power[..loops];
@@ -272,14 +281,7 @@ impl WithSimd for Frame<'_> {
 
 /// Sums by column and lane to rows of `out` by bin, times `scale`, turned to the right by `turn`.
 #[inline(always)]
-fn by_bin(
-    sums: &[[f32; LANES]],
-    layout: &Layout,
-    block: usize,
-    scale: f32,
-    turn: usize,
-    out: &mut [f32],
-) {
+fn by_bin(sums: &[[f32; LANES]], layout: &Layout, block: usize, scale: f32, turn: usize, out: &mut [f32]) {
     let columns = sums.len();
     let first_bin = (layout.first_block + block) * LANES;
     for start in (0..columns).step_by(LANES) {
