@@ -6,7 +6,7 @@ use rfhoi_shared::array::{Position, virtual_antennas};
 use rfhoi_shared::radar::{MAX_LOOPS, MAX_SAMPLES, RadarProfile};
 use rfhoi_shared::units::SPEED_OF_LIGHT;
 
-use super::limits::{LEAST_SAMPLES, SAMPLE_RATE_STEP_KSPS, SLOPE_STEP, SLOPES_MHZ_PER_US};
+use super::limits::{LEAST_SAMPLES, SAMPLE_RATE_STEP_KSPS, slopes};
 use super::needs::{Needs, extent};
 
 /// Everything that a plan decides.
@@ -36,12 +36,7 @@ const LEAST_LOOPS: u16 = 8;
 pub fn by_size(needs: &Needs) -> impl Fn(&RadarProfile, &RadarProfile) -> Ordering {
     move |a, b| {
         let key = |p: &RadarProfile| {
-            (
-                p.frame_bytes(),
-                p.cube_bytes(p.gate_to(needs.depth)),
-                p.frame_active_ns(),
-                p.sample_rate_ksps,
-            )
+            (p.frame_bytes(), p.cube_bytes(p.gate_to(needs.depth)), p.frame_active_ns(), p.sample_rate_ksps)
         };
         key(a).cmp(&key(b))
     }
@@ -53,7 +48,7 @@ pub fn profiles(needs: &Needs) -> Vec<RadarProfile> {
     for array in arrays(&needs.radar) {
         for samples in powers(LEAST_SAMPLES / 2, MAX_SAMPLES) {
             for loops in powers(LEAST_LOOPS, MAX_LOOPS) {
-                for slope in SLOPES_MHZ_PER_US.step_by(SLOPE_STEP as usize) {
+                for slope in slopes() {
                     profiles.push(profile(needs, &array, samples, loops, slope));
                 }
             }

@@ -223,7 +223,7 @@ impl<'t> Document<'t> {
     fn complain_type(&mut self, line: usize, value: &Spanned<DeValue<'_>>, key: &Key) {
         let want = match key.value {
             Value::Text => "a text in quotes".to_owned(),
-            Value::Flag => "true or false".to_owned(),
+            Value::Flag { .. } => "true or false".to_owned(),
             Value::Numbers { count: Count::One, .. } => "a number".to_owned(),
             Value::Numbers { count: Count::List(n), .. } => format!("a list of {n} numbers"),
             Value::Numbers { count: Count::UpTo(n), .. } => {
