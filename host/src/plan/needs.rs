@@ -86,7 +86,7 @@ impl Needs {
             antennas: Antennas::UpTo(reader_antennas),
             range_resolution,
             velocity_resolution,
-            azimuth: azimuth.unwrap_or(true),
+            azimuth,
             elevation: elevation.unwrap_or(by_scene),
             elevation_because: because,
             radar,

@@ -32,11 +32,16 @@ const ADC_START_NS: u32 = 6_000;
 const LEAST_LOOPS: u16 = 8;
 
 /// Order of configurations of the radar: raw bytes a frame, then cells of the cube, then the time that a frame takes on
-/// air, in which what moves is smeared, then the sample rate.
+/// air in whole milliseconds, in which what moves is smeared, then the sample rate.
 pub fn by_size(needs: &Needs) -> impl Fn(&RadarProfile, &RadarProfile) -> Ordering {
     move |a, b| {
         let key = |p: &RadarProfile| {
-            (p.frame_bytes(), p.cube_bytes(p.gate_to(needs.depth)), p.frame_active_ns(), p.sample_rate_ksps)
+            (
+                p.frame_bytes(),
+                p.cube_bytes(p.gate_to(needs.depth)),
+                p.frame_active_ns() / 1_000_000,
+                p.sample_rate_ksps,
+            )
         };
         key(a).cmp(&key(b))
     }

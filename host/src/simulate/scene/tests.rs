@@ -491,7 +491,10 @@ fn rooms_are_as_the_papers() {
 fn row(key: &Key) -> String {
     let (unit, default, bounds) = match key.value {
         Value::Text => ("text", "must be given".to_owned(), String::new()),
-        Value::Flag { default } => ("true or false", default.to_owned(), String::new()),
+        Value::Flag { default } => {
+            let default = default.map_or_else(|| "by the scene".to_owned(), |d| d.to_string());
+            ("true or false", default, String::new())
+        }
         Value::Numbers { count, unit, least, most, default } => {
             let default = match (default, count) {
                 (None, _) => "must be given".to_owned(),
