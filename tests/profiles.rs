@@ -161,3 +161,10 @@ fn a_wrong_chirp_order_shows_in_the_phases() {
     let worst = phase_errors(&frame, &wrong).into_iter().fold(0.0, |worst: f32, e| worst.max(e.abs()));
     assert!(worst > 0.5, "{worst} rad");
 }
+
+/// The planner knows the memory of the boards.
+#[test]
+fn a_plan_counts_on_the_cubes_that_boards_have() {
+    let bytes = rfhoi_bridge::CUBE_CELLS * size_of::<num_complex::Complex<i16>>();
+    assert!(rfhoi::plan::limits::Board::ALL.iter().all(|board| board.cube_bytes as usize == bytes));
+}

@@ -16,8 +16,8 @@ use std::time::Instant;
 
 use ndarray::{Array1, Array2};
 use num_complex::{Complex, Complex32};
-use rfhoi::aoa::Bartlett;
-use rfhoi::maps::MapPair;
+use rfhoi::aoa::{Estimator, Settings};
+use rfhoi::maps::{AngleSquare, MapPair};
 use rfhoi::maps::raw::{RawFrame, RawMaps};
 use rfhoi::npz::Npz;
 use rfhoi::receive::{RadarFrame, Received, Receiver};
@@ -36,16 +36,23 @@ use serde_json::json;
 const ROUNDS: usize = 15;
 const REPEATS: usize = 10;
 
-/// The angle map of a covariance.
-struct Angle(Bartlett);
+/// The angle map of a covariance, by MUSIC.
+struct Angle {
+    estimator: Estimator,
+    square: AngleSquare,
+    map: Vec<f32>,
+}
 
 impl Angle {
     fn new(profile: &RadarProfile, points: usize) -> Self {
-        Self(Bartlett::new(profile, points).expect("the array's geometry is known"))
+        let settings = Settings { points, ..Settings::default() };
+        let estimator = Estimator::new(profile, settings).expect("the array's geometry is known");
+        Self { estimator, square: AngleSquare::new(), map: vec![0.0; points * points] }
     }
 
-    fn map(&mut self, covariance: &Covariance) {
-        std::hint::black_box(self.0.spectrum(covariance));
+    fn map(&mut self, covariance: &Covariance, cells: u32) {
+        std::hint::black_box(self.estimator.estimate(covariance, cells));
+        self.square.map(self.estimator.map_db(), &mut self.map);
     }
 }
 
@@ -120,7 +127,7 @@ impl Work for Raw {
         self.pair.raw(&self.maps, self.frame, range_doppler, range_time);
         times.mark("squares");
         let covariance = self.covariance();
-        self.angle.map(&covariance);
+        self.angle.map(&covariance, self.frame.moving_cells);
         times.mark("angle");
     }
 
@@ -177,7 +184,7 @@ impl Work for Packets {
         assert_eq!(state.range_doppler.flaw.or(state.range_time.flaw), None);
         times.mark("squares");
         if let Some(covariance) = &self.frame.covariance {
-            self.angle.map(covariance);
+            self.angle.map(covariance, self.frame.info.map_or(0, |info| info.moving_cells));
         }
         times.mark("angle");
     }

@@ -131,6 +131,7 @@ fn whole(profile: RadarProfile) -> Options {
         clutter: None,
         whole_range: true,
         vibration: None,
+        aligned: None,
     }
 }
 

@@ -292,3 +292,53 @@ fn simulated_recordings_need_a_known_name() {
     let sentence = refused(&["simulate", "--recording", "scene.bin"]);
     assert!(sentence.contains(".pcap"), "{sentence}");
 }
+
+#[test]
+fn a_plan_is_made_compared_and_used() {
+    let folder = tempfile::tempdir().unwrap();
+    let out = folder.path().join("bridge.toml");
+    let plan = json(&[
+        "plan",
+        "kitchen",
+        "--tags",
+        "6",
+        "--json",
+        "--compare",
+        "--out",
+        text(&out),
+        "--reader",
+        "192.168.33.40",
+    ]);
+    assert_eq!(plan["profile"]["name"], "bridge");
+    assert_eq!((&plan["map_points"], &plan["antennas"]), (&64.into(), &3.into()));
+    let instructions = |costs: &Value| costs["instructions"].as_f64().unwrap();
+    assert!(instructions(&plan["paper"]) > 3.0 * instructions(&plan["costs"]));
+    assert!(plan["costs"]["host_us"].as_f64().unwrap() > 0.0);
+    let config = std::fs::read_to_string(&out).unwrap();
+    assert!(config.contains("base = \"bridge\"") && config.contains("reader_antennas = 3"), "{config}");
+    // The scene's file is as good as an option.
+    let scene = folder.path().join("scene.toml");
+    let kitchen = include_str!("../scenes/kitchen.toml")
+        .replace("[reader]\n", "[needs]\nelevation = false\n\n[reader]\n");
+    std::fs::write(&scene, kitchen).unwrap();
+    assert_eq!(json(&["plan", text(&scene), "--json"])["profile"]["transmitters"], 1);
+}
+
+#[test]
+fn a_plan_that_cannot_be_is_refused_with_what_binds_and_what_would_do() {
+    for (arguments, words) in [
+        (&["--depth", "15", "--fastest-hand", "6"][..], &["kitchen", "speed", "a range resolution of"][..]),
+        (&["--fastest-hand", "12"], &["hands move at up to 12.00 m/s", "no elevation"]),
+        (&["--tags", "30", "--antennas", "4"], &["30 tags and 4 antennas", "2 antennas"]),
+        (&["--link", "uart"], &["raw samples take 31.5 Mbit/s of UART"]),
+        (&["--depth", "9"], &["one gated cube takes 645120 bytes", "a depth of 6.1 m"]),
+    ] {
+        let out = ["plan", "kitchen", "--out", "/nowhere/bridge.toml"];
+        let sentence = refused(&[&out[..], arguments].concat());
+        for word in words {
+            assert!(sentence.contains(word), "{word} is not in: {sentence}");
+        }
+    }
+    let wrong = rfhoi(&["plan", "kitchen", "--link", "string"]);
+    assert!(String::from_utf8(wrong.stderr).unwrap().contains("need the Mbit/s of an Ethernet"));
+}

@@ -11,7 +11,7 @@ use serde::Serialize;
 use super::frame::{AlignedFrame, MAPS, MapInvalid, MapName};
 use super::grid::Grid;
 use crate::aoa::{self, Estimator, SettingsError};
-use crate::maps::{Flaw, MapPair, PointsOutside, Velocity, VelocityGuard};
+use crate::maps::{AngleSquare, Flaw, MapPair, PointsOutside, Velocity, VelocityGuard};
 use crate::phase::calibration::Calibration;
 use crate::phase::{self, PhaseFrames};
 use crate::receive::{LinkCounts, RadarFrame, Received, Receiver};
@@ -91,6 +91,7 @@ pub struct FrameStream {
     maps: MapPair,
     velocity: VelocityGuard,
     estimator: Estimator,
+    square: AngleSquare,
     phases: PhaseFrames,
     points: usize,
     /// Fingerprint of the profile.
@@ -124,6 +125,7 @@ impl FrameStream {
             maps: MapPair::new(&radar, points)?,
             velocity: VelocityGuard::new(&radar),
             estimator: Estimator::new(&radar.profile, angles)?,
+            square: AngleSquare::new(),
             phases: PhaseFrames::with_calibration(phases, &tags, &calibration),
             points,
             profile: radar.profile.fingerprint(),
@@ -334,24 +336,12 @@ impl FrameStream {
         let cells = frame.info.map_or(0, |info| info.moving_cells);
         let estimate = self.estimator.estimate(covariance, cells);
         if estimate.doubt.is_none_or(|doubt| !doubt.is_empty()) {
-            square(self.estimator.map_db(), self.points, angle);
+            self.square.map(self.estimator.map_db(), angle);
         }
         // Rows of maps that are lost on the way take nothing from the covariance; losses before it do.
         let before = maps.range_doppler.flaw.filter(|flaw| matches!(flaw, Flaw::ChirpsLost | Flaw::Clipped));
         aligned.invalid[MapName::Angle as usize] =
             before.map(MapInvalid::Flaw).or(folded).or(estimate.doubt.map(MapInvalid::Doubt));
         aligned.estimate = Some(estimate);
-    }
-}
-
-/// Spreads the rows of `map_db`, all or one, over a square from 0 to 1.
-fn square(map_db: &[f32], points: usize, out: &mut [f32]) {
-    let (low, high) =
-        map_db.iter().fold((f32::INFINITY, f32::NEG_INFINITY), |(low, high), &v| (low.min(v), high.max(v)));
-    let scale = if high > low { 1.0 / (high - low) } else { 0.0 };
-    for row in out.chunks_exact_mut(map_db.len().clamp(1, points * points)) {
-        for (out, level) in row.iter_mut().zip(map_db) {
-            *out = (level - low) * scale;
-        }
     }
 }

@@ -75,7 +75,8 @@ impl NeedsArgs {
         needs.fastest_hand = self.fastest_hand.map_or(needs.fastest_hand, MetresPerSecond);
         needs.fastest_tag = self.fastest_tag.map_or(needs.fastest_tag, MetresPerSecond);
         needs.range_resolution = self.range_resolution.map_or(needs.range_resolution, Metres);
-        needs.velocity_resolution = self.velocity_resolution.map_or(needs.velocity_resolution, MetresPerSecond);
+        needs.velocity_resolution =
+            self.velocity_resolution.map_or(needs.velocity_resolution, MetresPerSecond);
         needs.azimuth = self.azimuth.unwrap_or(needs.azimuth);
         needs.tags = self.tags.unwrap_or(needs.tags);
         needs.antennas = self.antennas.map_or(needs.antennas, Antennas::Exactly);

@@ -13,9 +13,11 @@ mod flaw;
 mod pair;
 pub mod raw;
 mod resample;
+mod unit;
 mod velocity;
 
 pub use flaw::{Flaw, MapState};
 pub use pair::{MapPair, PairState};
 pub use resample::{Levels, MAX_POINTS, MIN_POINTS, PointsOutside, Resampler};
+pub use unit::AngleSquare;
 pub use velocity::{Velocity, VelocityGuard};

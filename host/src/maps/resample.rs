@@ -8,6 +8,7 @@ use rfhoi_firmware::dsp::level;
 use rfhoi_shared::wire::LogScale;
 
 use super::flaw::{Flaw, MapState};
+use super::unit::Extent;
 use crate::receive::HeatMap;
 
 /// Least points of a map's side.
@@ -230,7 +231,7 @@ impl Resampler {
         for (cells, wide) in levels.chunks_exact(shape[1]).zip(widened.chunks_exact_mut(*points)) {
             columns.row(cells, wide);
         }
-        let (mut least, mut most) = ([f32::INFINITY; LANES], [f32::NEG_INFINITY; LANES]);
+        let mut extent = Extent::new();
         let of_rows = rows.first.iter().zip(rows.weights.chunks_exact(rows.taps));
         for (out, (&first, weights)) in out.chunks_exact_mut(*points).zip(of_rows) {
             let mut sources = widened[first * *points..].chunks_exact(*points).zip(weights);
@@ -250,31 +251,12 @@ impl Resampler {
                     }
                 }
             }
-            let (chunks, rest) = out.as_chunks::<LANES>();
-            for chunk in chunks {
-                for ((least, most), &x) in least.iter_mut().zip(&mut most).zip(chunk) {
-                    *least = if x < *least { x } else { *least };
-                    *most = if x > *most { x } else { *most };
-                }
-            }
-            for &x in rest {
-                least[0] = least[0].min(x);
-                most[0] = most[0].max(x);
-            }
+            extent.add(out);
         }
-        let least = least.into_iter().fold(f32::INFINITY, f32::min);
-        let most = most.into_iter().fold(f32::NEG_INFINITY, f32::max);
-        let scale = if most > least { 1.0 / (most - least) } else { 0.0 };
-        for x in out {
-            // Rounding may leave the strongest a hair over 1.
-            let share = (*x - least) * scale;
-            *x = if share < 1.0 { share } else { 1.0 };
-        }
+        extent.stretch(out);
     }
 }
 
-/// Least and largest values are kept for so many neighbours apart.
-const LANES: usize = 16;
 
 /// `level::code` without its rounding to a whole code.
 #[inline(always)]

@@ -3,7 +3,7 @@
 use std::fmt;
 
 use rfhoi_shared::config::{ConfigError, Processing, RadarConfig, RadarInput};
-use rfhoi_shared::radar::RadarProfile;
+use rfhoi_shared::radar::{MAX_GATE_BINS, RadarProfile};
 use rfhoi_shared::scene::Unmet;
 use rfhoi_shared::units::{Metres, MetresPerSecond, Seconds};
 
@@ -74,6 +74,8 @@ pub enum Binding {
     Scene(Unmet),
     /// The Doppler bin is wider than needed: bin, need.
     VelocityBin(MetresPerSecond, MetresPerSecond),
+    /// The gate has more bins than a bridge keeps.
+    GateBins(u16),
     /// A rule of profiles or bridges.
     Config(ConfigError),
     /// The stock firmware refuses: samples, loops, antennas.
@@ -110,18 +112,47 @@ impl Binding {
             Self::Scene(Unmet::Depth { .. }) => 5,
             Self::Scene(Unmet::Speed { .. }) => 6,
             Self::VelocityBin(..) => 7,
-            Self::Config(..) => 8,
-            Self::StockFirmware(..) => 9,
-            Self::LinkFull(..) => 10,
-            Self::Cube(..) => 11,
-            Self::Instructions(..) => 12,
-            Self::MapPoints(..) => 13,
-            Self::AnglePoints(..) => 14,
-            Self::NotAsAsked(..) => 15,
-            Self::NoSuchAntenna(..) => 16,
-            Self::ReadInterval(..) => 17,
-            Self::Reach(..) => 18,
+            Self::GateBins(..) => 8,
+            Self::Config(..) => 9,
+            Self::StockFirmware(..) => 10,
+            Self::LinkFull(..) => 11,
+            Self::Cube(..) => 12,
+            Self::Instructions(..) => 13,
+            Self::MapPoints(..) => 14,
+            Self::AnglePoints(..) => 15,
+            Self::NotAsAsked(..) => 16,
+            Self::NoSuchAntenna(..) => 17,
+            Self::ReadInterval(..) => 18,
+            Self::Reach(..) => 19,
         }
+    }
+
+    /// How far it is from being met: what is needed over what there is, above 1; infinite where that is no matter of degree.
+    fn excess(&self) -> f64 {
+        let over = |needed: f32, there: f32| f64::from(needed) / f64::from(there);
+        match *self {
+            Self::RangeBin(bin, need) => over(bin.0, need.0),
+            Self::SampleRate(ksps) => {
+                let (least, most) = (*SAMPLE_RATES_KSPS.start() as f32, *SAMPLE_RATES_KSPS.end() as f32);
+                over(least, ksps as f32).max(over(ksps as f32, most))
+            }
+            Self::Band(end, band) => end / band,
+            Self::Scene(Unmet::Depth { needed, span }) => over(needed.0, span.0),
+            Self::Scene(Unmet::Speed { needed, span }) | Self::VelocityBin(needed, span) => {
+                over(needed.0, span.0)
+            }
+            Self::GateBins(bins) => over(f32::from(bins), MAX_GATE_BINS as f32),
+            Self::LinkFull(bit_s, link) => bit_s / link.capacity_bit_s(),
+            Self::Cube(needed, there) => f64::from(needed) / f64::from(there),
+            Self::Instructions(needed, there) => needed / there,
+            _ => f64::INFINITY,
+        }
+    }
+
+    /// The one that comes farther, or is broken by less.
+    pub(super) fn nearer(self, other: Self) -> Self {
+        let key = |b: &Self| (b.stage(), -b.excess());
+        if key(&other) > key(&self) { other } else { self }
     }
 
     /// Whether the radar's profile alone is at fault, whatever maps and antennas are.
@@ -155,13 +186,14 @@ impl fmt::Display for Binding {
             Self::Scene(Unmet::Depth { needed, span }) => {
                 write!(f, "range: it sees {:.2} m, {:.2} m are needed", span.0, needed.0)
             }
-            Self::Scene(Unmet::Speed { needed, span }) => write!(
-                f,
-                "speed: unambiguous to {:.2} m/s, hands move at up to {:.2} m/s",
-                span.0, needed.0
-            ),
+            Self::Scene(Unmet::Speed { needed, span }) => {
+                write!(f, "speed: unambiguous to {:.2} m/s, hands move at up to {:.2} m/s", span.0, needed.0)
+            }
             Self::VelocityBin(bin, need) => {
                 write!(f, "Doppler bin: {:.1} cm/s, {:.1} cm/s are needed", bin.0 * 100.0, need.0 * 100.0)
+            }
+            Self::GateBins(bins) => {
+                write!(f, "range bins: {bins} are needed, a bridge keeps {MAX_GATE_BINS}")
             }
             Self::Config(error) => write!(f, "profile: {error}"),
             Self::StockFirmware(samples, loops, _) if *samples < LEAST_SAMPLES || *loops < 16 => write!(
@@ -172,7 +204,9 @@ impl fmt::Display for Binding {
                 f,
                 "stock radar firmware: {samples} samples x {loops} loops x {antennas} antennas are more than its 1 MiB"
             ),
-            Self::LinkFull(bit_s, link) => write!(f, "link: raw samples take {:.1} Mbit/s of {link}", bit_s / 1e6),
+            Self::LinkFull(bit_s, link) => {
+                write!(f, "link: raw samples take {:.1} Mbit/s of {link}", bit_s / 1e6)
+            }
             Self::Cube(needed, there) => {
                 write!(f, "memory: one gated cube takes {needed} bytes, the board has {there}")
             }
@@ -182,11 +216,9 @@ impl fmt::Display for Binding {
                 needed / 1e6,
                 there / 1e6
             ),
-            Self::MapPoints(points, bins) => write!(
-                f,
-                "maps: {points} points for {bins} bins, more than {BINS_A_POINT} bins a point lose what a Hann window tells \
-                 apart"
-            ),
+            Self::MapPoints(points, bins) => {
+                write!(f, "maps: {points} points for {bins} bins, more than {BINS_A_POINT} bins a point")
+            }
             Self::AnglePoints(points, beam) => write!(
                 f,
                 "angle map: {points} points over 120 degrees, fewer than {POINTS_A_BEAM} in a beam of {beam:.0} degrees"
@@ -197,8 +229,8 @@ impl fmt::Display for Binding {
             }
             Self::ReadInterval(tags, antennas, reading, frame) => write!(
                 f,
-                "reader: with {} and {} a tag is read by each every {:.0} ms, less than once in a frame of {:.0} ms, and \
-                 followed at all times to {:.2} m/s only",
+                "reader: with {} and {} a tag is read by each every {:.0} ms, less than once in a frame of {:.0} ms; at most \
+                 {:.2} m/s are followed at all times",
                 counted(*tags, "tag"),
                 counted(*antennas, "antenna"),
                 reading.interval.0 * 1e3,
@@ -207,13 +239,13 @@ impl fmt::Display for Binding {
             ),
             Self::Reach(tags, antennas, reading, fastest) => write!(
                 f,
-                "reader: with {} and {} a tag is followed at all times to {:.2} m/s only; of a reach with {:.2} m/s at its \
-                 fastest the steps of phase mean something in {:.0} %, less than half",
+                "reader: with {} and {} steps of phase mean something in {:.0} % of a reach with {:.2} m/s, less than half; \
+                 at most {:.2} m/s are followed at all times",
                 counted(*tags, "tag"),
                 counted(*antennas, "antenna"),
-                reading.carried.0,
+                100.0 * reading.reach_share,
                 fastest.0,
-                100.0 * reading.reach_share
+                reading.carried.0
             ),
         }
     }
@@ -280,6 +312,9 @@ impl Problem {
         let gate = needs.scene(1).gate(profile).map_err(Binding::Scene)?;
         if profile.velocity_bin() > needs.velocity_resolution {
             return Err(Binding::VelocityBin(profile.velocity_bin(), needs.velocity_resolution));
+        }
+        if usize::from(gate.bins) > MAX_GATE_BINS {
+            return Err(Binding::GateBins(gate.bins));
         }
         let radar = RadarConfig {
             profile: profile.clone(),

@@ -93,8 +93,8 @@ mod tests {
     const STAGE_ERROR: f64 = 0.04;
     const SUM_ERROR: f64 = 0.015;
     /// The same where frames are unlike those that ship: few loops, few antennas, long rows.
-    const OTHER_STAGE_ERROR: f64 = 0.07;
-    const OTHER_SUM_ERROR: f64 = 0.03;
+    const OTHER_STAGE_ERROR: f64 = 0.08;
+    const OTHER_SUM_ERROR: f64 = 0.035;
 
     /// Largest error of a stage that counts, and error of the sum of those measured.
     fn errors(model: &Instructions, measured: &[(&str, f64)]) -> (f64, f64) {

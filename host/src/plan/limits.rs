@@ -6,14 +6,15 @@ use std::str::FromStr;
 
 use rfhoi_shared::radar::RadarProfile;
 
-/// Ramps that are tried, MHz/us; the AWR1843 goes no steeper than 100 (E2E 594841).
-pub const SLOPES_MHZ_PER_US: RangeInclusive<u32> = 10..=100;
-/// From one slope to the next, MHz/us.
-pub const SLOPE_STEP: u32 = 10;
+/// Slopes of ramps that are tried, MHz/us; the AWR1843 goes no steeper than 100 (E2E 594841).
+pub fn slopes() -> impl Iterator<Item = u32> {
+    (10..=100).step_by(10)
+}
+
 /// Sample rates of the AWR1843, ksps: at least 2 Msps (E2E 894294), at most 12.5 Msps of complex samples (its data sheet).
 pub const SAMPLE_RATES_KSPS: RangeInclusive<u32> = 2_000..=12_500;
 /// Sample rates are multiples of this, ksps.
-pub const SAMPLE_RATE_STEP_KSPS: u32 = 100;
+pub const SAMPLE_RATE_STEP_KSPS: u32 = 50;
 /// Fewest samples of a chirp with which TI has validated the stock demo (SDK 3.3 user's guide, quoted in E2E 894294).
 pub const LEAST_SAMPLES: u16 = 64;
 

@@ -40,7 +40,7 @@ pub use search::Refusal;
 pub use space::Config;
 pub use uplink::Uplink;
 
-use check::LEAST_REACH_SHARE;
+use check::{LEAST_REACH_SHARE, counted};
 use reader::Reading;
 use space::{MAP_POINTS, profile};
 
@@ -94,62 +94,65 @@ impl Problem {
         Plan { needs, means, config, cost, uplink, smaller, warnings }
     }
 
-    /// The next smaller configuration of each kind that does not work. With fewer samples, loops or antennas the rest of the
-    /// profile follows anew, as in the search.
+    /// The configurations next to `config` that are smaller, or have an antenna more; those of one name with all slopes.
+    /// With fewer samples, loops or antennas of the radar the rest of the profile follows anew, as in the search.
     pub fn neighbours(&self, config: &Config) -> Vec<(String, Config)> {
-        let needs = &self.needs;
         let own = &config.profile;
-        let slope = own.slope_khz_per_us / 1_000;
-        let with = |profile: RadarProfile| Config { profile, ..config.clone() };
-        let derived = |array: &RadarProfile, samples, loops| with(profile(needs, array, samples, loops, slope));
         let mut neighbours = Vec::new();
-        if own.samples > 2 {
-            neighbours.push((
-                format!("{} samples a chirp", own.samples / 2),
-                derived(own, own.samples / 2, own.loops),
-            ));
+        let mut derived = |name: String, array: &RadarProfile, samples: u16, loops: u16| {
+            for slope in limits::slopes() {
+                let profile = profile(&self.needs, array, samples, loops, slope);
+                neighbours.push((name.clone(), Config { profile, ..config.clone() }));
+            }
+        };
+        derived(format!("{} samples a chirp", own.samples / 2), own, own.samples / 2, own.loops);
+        derived(format!("{} loops", own.loops / 2), own, own.samples, own.loops / 2);
+        let (mut fewer_tx, rx_mask) = (own.clone(), own.rx_mask & (own.rx_mask - 1));
+        fewer_tx.tx_order.pop();
+        if !fewer_tx.tx_order.is_empty() {
+            let name = counted(fewer_tx.tx_order.len() as u8, "transmitter");
+            derived(name, &fewer_tx, own.samples, own.loops);
         }
-        if own.loops > 2 {
-            neighbours.push((format!("{} loops", own.loops / 2), derived(own, own.samples, own.loops / 2)));
-            let same_chirps = RadarProfile { loops: own.loops / 2, ..own.clone() };
-            neighbours.push((format!("{} loops of the same chirps", own.loops / 2), with(same_chirps)));
+        if rx_mask != 0 {
+            let fewer_rx = RadarProfile { rx_mask, ..own.clone() };
+            derived(counted(rx_mask.count_ones() as u8, "receiver"), &fewer_rx, own.samples, own.loops);
         }
-        if own.tx_order.len() > 1 {
-            let mut array = own.clone();
-            array.tx_order.pop();
-            let count = array.tx_order.len();
-            neighbours.push((
-                check::counted(count as u8, "transmitter"),
-                derived(&array, own.samples, own.loops),
-            ));
-        }
-        if own.rx_mask.count_ones() > 1 {
-            let array = RadarProfile { rx_mask: own.rx_mask & (own.rx_mask - 1), ..own.clone() };
-            let count = array.rx_mask.count_ones();
-            neighbours
-                .push((check::counted(count as u8, "receiver"), derived(&array, own.samples, own.loops)));
-        }
-        let below = |points: u16| MAP_POINTS.into_iter().rev().find(|&p| p < points);
-        if let Some(points) = below(config.map_points) {
-            neighbours
-                .push((format!("maps of {points} points"), Config { map_points: points, ..config.clone() }));
-        }
-        if let Some(points) = below(config.angle_points) {
-            neighbours.push((
-                format!("angle map of {points} points"),
-                Config { angle_points: points, ..config.clone() },
-            ));
-        }
+        let same_chirps = RadarProfile { loops: own.loops / 2, ..own.clone() };
         neighbours.push((
-            check::counted(config.antennas + 1, "antenna"),
-            Config { antennas: config.antennas + 1, ..config.clone() },
+            format!("{} loops of the same chirps", own.loops / 2),
+            Config { profile: same_chirps, ..config.clone() },
         ));
+        let below = |points: u16| MAP_POINTS.into_iter().rev().find(|&p| p < points);
+        if let Some(map_points) = below(config.map_points) {
+            neighbours
+                .push((format!("maps of {map_points} points"), Config { map_points, ..config.clone() }));
+        }
+        if let Some(angle_points) = below(config.angle_points) {
+            neighbours.push((
+                format!("angle map of {angle_points} points"),
+                Config { angle_points, ..config.clone() },
+            ));
+        }
+        if let Antennas::UpTo(there) = self.needs.antennas
+            && config.antennas < there
+        {
+            let antennas = config.antennas + 1;
+            neighbours.push((counted(antennas, "antenna"), Config { antennas, ..config.clone() }));
+        }
         neighbours
     }
 
+    /// What each kind of neighbour breaks: of all slopes the one that comes nearest.
     fn smaller(&self, config: &Config) -> Vec<(String, Binding)> {
-        let neighbours = self.neighbours(config).into_iter();
-        neighbours.filter_map(|(name, config)| Some((name, self.check(&config).err()?))).collect()
+        let mut smaller: Vec<(String, Binding)> = Vec::new();
+        for (name, config) in self.neighbours(config) {
+            let Err(binding) = self.check(&config) else { continue };
+            match smaller.iter_mut().find(|(known, _)| *known == name) {
+                Some((_, nearest)) => *nearest = nearest.nearer(binding),
+                None => smaller.push((name, binding)),
+            }
+        }
+        smaller
     }
 
     fn warnings(&self, config: &Config, cost: &Cost) -> Vec<String> {
@@ -164,13 +167,12 @@ impl Problem {
         let Reading { reach_share, carried, .. } = cost.reading;
         if reach_share < LEAST_REACH_SHARE {
             let few = self.most_antennas();
-            let remedy = few.map_or_else(String::new, |few| {
-                format!(" ({} would do)", check::counted(few, "antenna"))
-            });
+            let remedy =
+                few.map_or_else(String::new, |few| format!(" ({} would do)", counted(few, "antenna")));
             warnings.push(format!(
                 "with {} a tag is followed at all times to {:.2} m/s only, and in {:.0} % of the fastest reach: less than \
                  half{remedy}",
-                check::counted(config.antennas, "antenna"),
+                counted(config.antennas, "antenna"),
                 carried.0,
                 100.0 * reach_share
             ));

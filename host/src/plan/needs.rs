@@ -55,6 +55,15 @@ impl Antennas {
         let (Self::UpTo(most) | Self::Exactly(most)) = self;
         most
     }
+
+    /// What may be chosen, the most first.
+    pub(super) fn choices(self) -> impl Iterator<Item = u8> {
+        let (least, most) = match self {
+            Self::UpTo(most) => (1, most),
+            Self::Exactly(asked) => (asked, asked),
+        };
+        (least..=most).rev()
+    }
 }
 
 impl Needs {
@@ -77,7 +86,7 @@ impl Needs {
             antennas: Antennas::UpTo(reader_antennas),
             range_resolution,
             velocity_resolution,
-            azimuth: azimuth.unwrap_or(true),
+            azimuth,
             elevation: elevation.unwrap_or(by_scene),
             elevation_because: because,
             radar,

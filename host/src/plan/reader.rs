@@ -56,7 +56,8 @@ impl Rounds {
         let away_s = others * turn_s + if antennas > 1 { SWITCH_S } else { 0.0 } + round_s;
         let reads = f64::from(ROUNDS_PER_TURN);
         let (read, missed) = (1.0 - self.missed, self.missed);
-        let gap_s = |number: u32| if number % ROUNDS_PER_TURN == ROUNDS_PER_TURN - 1 { away_s } else { round_s };
+        let gap_s =
+            |number: u32| if number % ROUNDS_PER_TURN == ROUNDS_PER_TURN - 1 { away_s } else { round_s };
         // From each read of a turn to the next that is not missed, weighted by how often that is and how long it takes.
         let (mut carried_s, mut sure_s, mut all_s) = (0.0, 0.0, 0.0);
         for first in 0..ROUNDS_PER_TURN {
@@ -213,7 +214,9 @@ mod tests {
         for (tags, antennas) in [(1, 1), (6, 1), (6, 2), (6, 3), (6, 4), (13, 4), (30, 4), (255, 4)] {
             let reading = Rounds::of(tags).reading(antennas, fastest);
             assert!(reading.interval.0 > before.0 && reading.reach_share < before.1, "{reading:?}");
-            assert!(reading.sure_share <= reading.reach_share && reading.carried <= reading.carried_within_turn);
+            assert!(
+                reading.sure_share <= reading.reach_share && reading.carried <= reading.carried_within_turn
+            );
             before = (reading.interval.0, reading.reach_share);
         }
     }

@@ -231,8 +231,9 @@ impl fmt::Display for Text<'_> {
         let paper = beside.map(|(paper, host)| (Costs::of(paper, host), paper));
         table(f, &costs(&Costs::of(plan, *host), plan, paper.as_ref()))?;
         writeln!(f)?;
-        let mut smaller = vec![row(["the next smaller", "breaks"])];
-        smaller.extend(plan.smaller.iter().map(|(choice, binding)| vec![choice.clone(), binding.to_string()]));
+        let mut smaller = vec![row(["what would not do", "why"])];
+        smaller
+            .extend(plan.smaller.iter().map(|(choice, binding)| vec![choice.clone(), binding.to_string()]));
         table(f, &smaller)?;
         for warning in &plan.warnings {
             writeln!(f, "\nwarning: {warning}")?;
@@ -250,7 +251,11 @@ fn choices(plan: &Plan) -> Vec<Vec<String>> {
     let mut add = |need: String, choice: String, why: String| rows.push(vec![need, choice, why]);
     add(
         format!("range to {:.1} cm", needs.range_resolution.0 * 100.0),
-        format!("{:.2} GHz at {} MHz/us", profile.sampled_bandwidth_hz() / 1e9, profile.slope_khz_per_us / 1_000),
+        format!(
+            "{:.2} GHz at {} MHz/us",
+            profile.sampled_bandwidth_hz() / 1e9,
+            profile.slope_khz_per_us / 1_000
+        ),
         format!("bin c / 2B = {:.2} cm", profile.range_bin().0 * 100.0),
     );
     add(
@@ -260,7 +265,11 @@ fn choices(plan: &Plan) -> Vec<Vec<String>> {
     );
     add(
         if needs.elevation { "elevation".to_owned() } else { "no elevation".to_owned() },
-        format!("{} x {}", counted(profile.tx_slots() as u8, "transmitter"), counted(profile.rx_count() as u8, "receiver")),
+        format!(
+            "{} x {}",
+            counted(profile.tx_slots() as u8, "transmitter"),
+            counted(profile.rx_count() as u8, "receiver")
+        ),
         needs.elevation_because.clone(),
     );
     add(
@@ -271,12 +280,18 @@ fn choices(plan: &Plan) -> Vec<Vec<String>> {
     add(
         format!("speed to {:.1} cm/s", needs.velocity_resolution.0 * 100.0),
         format!("{} loops in {} ms", profile.loops, profile.frame_period_us / 1_000),
-        format!("bin {:.1} cm/s, {:.1} ms on air", profile.velocity_bin().0 * 100.0, profile.frame_active_ns() as f64 * 1e-6),
+        format!(
+            "bin {:.1} cm/s, {:.1} ms on air",
+            profile.velocity_bin().0 * 100.0,
+            profile.frame_active_ns() as f64 * 1e-6
+        ),
     );
     add(
         format!("{} x {} bins", gate.bins, profile.loops),
         format!("maps of {0} x {0} points", config.map_points),
-        format!("more than {BINS_A_POINT} bins a point lose something, fewer than 1 only interpolate"),
+        format!(
+            "at most {BINS_A_POINT} bins a point, the width of a Hann window; below 1 points only interpolate"
+        ),
     );
     let beam = beam_rad(profile, |at| at.azimuth).to_degrees();
     add(
@@ -284,21 +299,22 @@ fn choices(plan: &Plan) -> Vec<Vec<String>> {
         format!("angle map of {0} x {0} points", config.angle_points),
         "two points or more in a beam".to_owned(),
     );
-    let Reading { interval, longest, carried, reach_share, .. } = cost.reading;
+    let Reading { interval, longest, carried, reach_share, sure_share, .. } = cost.reading;
     add(
         format!("{}, to {:.1} m/s", counted(needs.tags, "tag"), needs.fastest_tag.0),
         match needs.antennas {
             Antennas::UpTo(there) => format!("{} of {}", config.antennas, counted(there, "antenna")),
             Antennas::Exactly(_) => format!("{}, as asked", counted(config.antennas, "antenna")),
         },
-        format!("each reads a tag every {:.0} ms, {:.0} ms at most unless it is missed", interval.0 * 1e3, longest.0 * 1e3),
+        format!("each reads a tag every {:.0} ms, with gaps of {:.0} ms", interval.0 * 1e3, longest.0 * 1e3),
     );
     add(
         String::new(),
         "RF mode 0, session 1, dual target".to_owned(),
         format!(
-            "steps mean something in {:.0} % of a reach, below {:.2} m/s always",
+            "steps of phase mean something in {:.0} % of a reach ({:.0} % whatever its speed), to {:.2} m/s always",
             100.0 * reach_share,
+            100.0 * sure_share,
             carried.0
         ),
     );
@@ -325,20 +341,26 @@ fn costs(costs: &Costs, plan: &Plan, other: Option<&(Costs, &Plan)>) -> Vec<Vec<
         head.extend(row(["the paper's", "saved"]));
     }
     let mut rows = vec![head];
-    let mut add = |name: &str, unit: &str, of: String, whole: f64, of_costs: &dyn Fn(&Costs) -> Option<f64>| {
-        let Some(value) = of_costs(costs) else { return };
-        let share = if whole > 0.0 { format!("{:.0} %", 100.0 * value / whole) } else { String::new() };
-        let mut cells = vec![name.to_owned(), shown(value, unit), of, share];
-        if let Some(theirs) = other.and_then(|(theirs, _)| of_costs(theirs)) {
-            cells.push(shown(theirs, unit));
-            cells.push(format!("{:.0} %", 100.0 * (1.0 - value / theirs)));
-        }
-        rows.push(cells);
-    };
+    let mut add =
+        |name: &str, unit: &str, of: String, whole: f64, of_costs: &dyn Fn(&Costs) -> Option<f64>| {
+            let Some(value) = of_costs(costs) else { return };
+            let share = if whole > 0.0 { format!("{:.0} %", 100.0 * value / whole) } else { String::new() };
+            let mut cells = vec![name.to_owned(), shown(value, unit), of, share];
+            if let Some(theirs) = other.and_then(|(theirs, _)| of_costs(theirs)) {
+                cells.push(shown(theirs, unit));
+                cells.push(format!("{:.0} %", 100.0 * (1.0 - value / theirs)));
+            }
+            rows.push(cells);
+        };
     let capacity = link.capacity_bit_s() / 1e6;
     add("link", "Mbit/s", link.to_string(), capacity, &|c| Some(c.link_bit_s / 1e6));
     let cubes = f64::from(cost.cubes.max(1));
-    let memory = format!("{} of {:.0} kB, {}", board.name, f64::from(board.cube_bytes) / 1e3, counted(cost.cubes, "cube"));
+    let memory = format!(
+        "{} of {:.0} kB, {}",
+        board.name,
+        f64::from(board.cube_bytes) / 1e3,
+        counted(cost.cubes, "cube")
+    );
     add("memory", "kB a cube", memory, f64::from(board.cube_bytes) / 1e3 / cubes, &|c| {
         Some(f64::from(c.cube_bytes) / 1e3)
     });

@@ -16,7 +16,7 @@ pub enum Refusal {
     /// Of all configurations, those that meet everything that is checked before `binding` break it.
     #[error("no configuration works: {binding}{}", would(.remedies))]
     Bound {
-        /// What they break, with the numbers of the smallest that comes so far.
+        /// What they break, with the numbers of the one that misses by least.
         binding: Binding,
         /// Needs that could be met, each with all others as they are.
         remedies: Vec<String>,
@@ -52,10 +52,7 @@ impl Problem {
         for profile in profiles {
             match self.with_profile(profile) {
                 Ok(found) => return (Some(found), farthest),
-                Err(binding) if farthest.is_none_or(|f| f.stage() < binding.stage()) => {
-                    farthest = Some(binding);
-                }
-                Err(_) => {}
+                Err(binding) => farthest = Some(farthest.map_or(binding, |f| f.nearer(binding))),
             }
         }
         (None, farthest)
@@ -67,8 +64,7 @@ impl Problem {
         let sides = MAP_POINTS.into_iter();
         let map_points = first_of(sides.clone(), |&points| self.check_map(&profile, points))?;
         let angle_points = first_of(sides, |&points| self.check_angle_map(&profile, points))?;
-        let antennas =
-            first_of((1..=self.needs.antennas.most()).rev(), |&antennas| self.check_reader(antennas))?;
+        let antennas = first_of(self.needs.antennas.choices(), |&antennas| self.check_reader(antennas))?;
         let config = Config { profile, map_points, angle_points, antennas };
         let cost = self.cost(&config);
         Ok((config, cost))
@@ -86,17 +82,14 @@ impl Problem {
         let mut needs = self.needs.clone();
         change(&mut needs);
         let problem = Self::new(needs, self.means);
-        (1..=problem.needs.antennas.most()).any(|antennas| problem.check_reader(antennas).is_ok())
+        problem.needs.antennas.choices().any(|antennas| problem.check_reader(antennas).is_ok())
     }
 
     /// The most of the antennas asked for that are read often enough.
     pub(super) fn most_antennas(&self) -> Option<u8> {
-        let most = self.needs.antennas.most();
-        (1..=most).rev().find(|&a| {
-            let mut problem = self.clone();
-            problem.needs.antennas = Antennas::UpTo(most);
-            problem.check_reader(a).is_ok()
-        })
+        let mut problem = self.clone();
+        problem.needs.antennas = Antennas::UpTo(self.needs.antennas.most());
+        problem.needs.antennas.choices().find(|&antennas| problem.check_reader(antennas).is_ok())
     }
 
     /// What would work, need by need.
@@ -122,10 +115,7 @@ impl Problem {
                 remedies.push("no elevation".to_owned());
             }
         } else {
-            let fewer = (1..needs.antennas.most())
-                .rev()
-                .find(|&a| self.reader_works(|n| n.antennas = Antennas::Exactly(a)));
-            remedies.extend(fewer.map(|a| counted(a, "antenna")));
+            remedies.extend(self.most_antennas().map(|most| counted(most, "antenna")));
             let tags = nearest(f32::from(needs.tags), 1.0, 1.0, |v| self.reader_works(|n| n.tags = v as u8));
             remedies.extend(tags.map(|t| counted(t as u8, "tag")));
             let tag = nearest(needs.fastest_tag.0, 0.1, 0.1, |v| {

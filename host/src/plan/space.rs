@@ -6,7 +6,7 @@ use rfhoi_shared::array::{Position, virtual_antennas};
 use rfhoi_shared::radar::{MAX_LOOPS, MAX_SAMPLES, RadarProfile};
 use rfhoi_shared::units::SPEED_OF_LIGHT;
 
-use super::limits::{LEAST_SAMPLES, SAMPLE_RATE_STEP_KSPS, SLOPE_STEP, SLOPES_MHZ_PER_US};
+use super::limits::{LEAST_SAMPLES, SAMPLE_RATE_STEP_KSPS, slopes};
 use super::needs::{Needs, extent};
 
 /// Everything that a plan decides.
@@ -32,14 +32,14 @@ const ADC_START_NS: u32 = 6_000;
 const LEAST_LOOPS: u16 = 8;
 
 /// Order of configurations of the radar: raw bytes a frame, then cells of the cube, then the time that a frame takes on
-/// air, in which what moves is smeared, then the sample rate.
+/// air in whole milliseconds, in which what moves is smeared, then the sample rate.
 pub fn by_size(needs: &Needs) -> impl Fn(&RadarProfile, &RadarProfile) -> Ordering {
     move |a, b| {
         let key = |p: &RadarProfile| {
             (
                 p.frame_bytes(),
                 p.cube_bytes(p.gate_to(needs.depth)),
-                p.frame_active_ns(),
+                p.frame_active_ns() / 1_000_000,
                 p.sample_rate_ksps,
             )
         };
@@ -53,7 +53,7 @@ pub fn profiles(needs: &Needs) -> Vec<RadarProfile> {
     for array in arrays(&needs.radar) {
         for samples in powers(LEAST_SAMPLES / 2, MAX_SAMPLES) {
             for loops in powers(LEAST_LOOPS, MAX_LOOPS) {
-                for slope in SLOPES_MHZ_PER_US.step_by(SLOPE_STEP as usize) {
+                for slope in slopes() {
                     profiles.push(profile(needs, &array, samples, loops, slope));
                 }
             }

@@ -163,9 +163,10 @@ impl<'t> Document<'t> {
         Some(At { line, value: value.try_into().ok()? })
     }
 
-    /// Whether a key says so; `None` where it is left away.
+    /// Whether a key says so, or its default.
     pub(super) fn flag(&mut self, section: &Section<'_>, key: &Key) -> Option<bool> {
-        let value = section.table.get(key.name)?;
+        let Value::Flag { default } = key.value else { return None };
+        let Some(value) = section.table.get(key.name) else { return default };
         let flag = value.get_ref().as_bool();
         if flag.is_none() {
             let line = self.line(&value.span());
@@ -223,7 +224,7 @@ impl<'t> Document<'t> {
     fn complain_type(&mut self, line: usize, value: &Spanned<DeValue<'_>>, key: &Key) {
         let want = match key.value {
             Value::Text => "a text in quotes".to_owned(),
-            Value::Flag => "true or false".to_owned(),
+            Value::Flag { .. } => "true or false".to_owned(),
             Value::Numbers { count: Count::One, .. } => "a number".to_owned(),
             Value::Numbers { count: Count::List(n), .. } => format!("a list of {n} numbers"),
             Value::Numbers { count: Count::UpTo(n), .. } => {

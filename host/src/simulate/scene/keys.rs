@@ -18,8 +18,8 @@ pub(super) struct Key {
 pub(super) enum Value {
     /// A text; it must be given.
     Text,
-    /// True or false; left away, it follows from the scene.
-    Flag,
+    /// True or false; without a default, what is left away follows from the scene.
+    Flag { default: Option<bool> },
     /// Numbers within bounds; they must be given unless there is a default.
     Numbers { count: Count, unit: &'static str, least: f64, most: f64, default: Option<&'static [f64]> },
 }
@@ -97,8 +97,8 @@ keys! {
         "finest step of range that tells actions apart";
     VELOCITY_RESOLUTION = NEEDS "velocity_resolution_m_s", numbers(Count::One, "m/s", (0.01, 2.0), Some(&[0.141])), "0.141",
         "finest step of radial speed that tells actions apart";
-    AZIMUTH = NEEDS "azimuth", Value::Flag, "true", "whether actions are told apart by where they are from left to right";
-    ELEVATION = NEEDS "elevation", Value::Flag, "false", "whether actions are told apart by their height";
+    AZIMUTH = NEEDS "azimuth", Value::Flag { default: Some(true) }, "true", "whether actions are told apart by where they are from left to right";
+    ELEVATION = NEEDS "elevation", Value::Flag { default: None }, "false", "whether actions are told apart by their height";
     POWER = READER "power_dbm", numbers(Count::One, "dBm", (10.0, 32.5), Some(&[30.0])), "30.0",
         "transmit power";
     ANTENNA_POSITION = ANTENNAS "position_m", point(3), "[0.45, 0.2, 1.0]", "where it is";

@@ -180,9 +180,9 @@ pub struct Stated {
     pub range_resolution: Metres,
     /// Finest step of radial speed that tells actions apart.
     pub velocity_resolution: MetresPerSecond,
-    /// Whether actions are told apart by azimuth; `None` where the file does not say.
-    pub azimuth: Option<bool>,
-    /// The same of elevation.
+    /// Whether actions are told apart by azimuth.
+    pub azimuth: bool,
+    /// The same of elevation; `None` where the file does not say.
     pub elevation: Option<bool>,
 }
 
@@ -195,7 +195,7 @@ impl Default for Stated {
             fastest_tag,
             range_resolution: Metres(0.043),
             velocity_resolution: MetresPerSecond(0.141),
-            azimuth: None,
+            azimuth: true,
             elevation: None,
         }
     }

@@ -154,7 +154,7 @@ fn stated(document: &mut Document<'_>, top: &Section<'_>) -> Option<Stated> {
         fastest_tag: MetresPerSecond(tag?),
         range_resolution: Metres(range?),
         velocity_resolution: MetresPerSecond(velocity?),
-        azimuth,
+        azimuth: azimuth?,
         elevation,
     })
 }

@@ -387,6 +387,36 @@ fn keys_and_types_that_are_wrong() {
 }
 
 #[test]
+fn needs_are_stated_or_have_defaults() {
+    assert_eq!(parse(GOOD).unwrap().stated, Stated::default());
+    let needs = "[needs]\nfastest_hand_m_s = 3\nelevation = false\nrange_resolution_m = 0.1\n[reader]";
+    let scene = parse(&GOOD.replace("[reader]", needs)).unwrap();
+    let (range_resolution, fastest_hand) = (Metres(0.1), MetresPerSecond(3.0));
+    let elevation = Some(false);
+    assert_eq!(scene.stated, Stated { fastest_hand, range_resolution, elevation, ..Stated::default() });
+    assert_eq!(scene.needs().fastest_hand, fastest_hand);
+    all_are_told(&[
+        (
+            "[reader]",
+            "[needs]\nelevation = \"no\"\n[reader]",
+            "scene.toml, line 11: elevation must be true or false, not the text \"no\"; write elevation = false",
+        ),
+        (
+            "[reader]",
+            "[needs]\nfastest_hand_m_s = 12\n[reader]",
+            "scene.toml, line 9: the profile \"bridge\" cannot follow hands: they move at up to 12.0 m/s, it is unambiguous \
+             to 4.49 m/s; take a shorter idle_ns or ramp_end_ns, or fewer transmitters",
+        ),
+    ]);
+    let directory = tempfile::tempdir().unwrap();
+    let path = directory.path().join("scene.toml");
+    std::fs::write(&path, GOOD.replace("[reader]", "[needs]\nfastest_hand_m_s = 12\n[reader]")).unwrap();
+    let path = path.to_string_lossy();
+    assert!(Scene::load(&path).is_err());
+    assert_eq!(Scene::load_without_profile(&path).unwrap().needs().fastest_hand, MetresPerSecond(12.0));
+}
+
+#[test]
 fn all_that_is_wrong_is_told_at_once_and_broken_toml_by_line() {
     let text =
         GOOD.replace("\"0a03\"", "\"xyz\"").replace("1.8\n", "9.0\n").replace("[0.0, 2.2]", "[0.0, 9.0]");
@@ -461,7 +491,10 @@ fn rooms_are_as_the_papers() {
 fn row(key: &Key) -> String {
     let (unit, default, bounds) = match key.value {
         Value::Text => ("text", "must be given".to_owned(), String::new()),
-        Value::Flag => ("true or false", "by the scene".to_owned(), String::new()),
+        Value::Flag { default } => {
+            let default = default.map_or_else(|| "by the scene".to_owned(), |d| d.to_string());
+            ("true or false", default, String::new())
+        }
         Value::Numbers { count, unit, least, most, default } => {
             let default = match (default, count) {
                 (None, _) => "must be given".to_owned(),
