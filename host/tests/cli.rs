@@ -311,6 +311,7 @@ fn a_plan_is_made_compared_and_used() {
     ]);
     assert_eq!(plan["profile"]["name"], "bridge");
     assert_eq!((&plan["map_points"], &plan["antennas"]), (&64.into(), &3.into()));
+    assert!(plan["reading"]["interval_s"].as_f64().unwrap() < 0.1);
     let instructions = |costs: &Value| costs["instructions"].as_f64().unwrap();
     assert!(instructions(&plan["paper"]) > 3.0 * instructions(&plan["costs"]));
     assert!(plan["costs"]["host_us"].as_f64().unwrap() > 0.0);

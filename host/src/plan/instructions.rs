@@ -90,8 +90,8 @@ mod tests {
     use super::*;
 
     /// Of each stage that takes a twentieth of a frame or more, and of their sum, at most.
-    const STAGE_ERROR: f64 = 0.04;
-    const SUM_ERROR: f64 = 0.015;
+    const STAGE_ERROR: f64 = 0.02;
+    const SUM_ERROR: f64 = 0.01;
     /// The same where frames are unlike those that ship: few loops, few antennas, long rows.
     const OTHER_STAGE_ERROR: f64 = 0.08;
     const OTHER_SUM_ERROR: f64 = 0.035;

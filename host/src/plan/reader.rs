@@ -93,12 +93,16 @@ const NEVER: f64 = 1e-6;
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct Reading {
     /// From read to read, on average.
+    #[serde(rename = "interval_s")]
     pub interval: Seconds,
     /// While all other antennas have their turns.
+    #[serde(rename = "longest_s")]
     pub longest: Seconds,
     /// Speed that is followed over [`Self::longest`] too: always.
+    #[serde(rename = "carried_m_s")]
     pub carried: MetresPerSecond,
     /// Speed that is followed from read to read within a turn.
+    #[serde(rename = "carried_within_turn_m_s")]
     pub carried_within_turn: MetresPerSecond,
     /// Share of a reach at the scene's fastest tag in which the steps are short enough for its speed at the moment.
     pub reach_share: f64,
