@@ -68,7 +68,11 @@ mod tests {
             let (begin, end) = grid.take(Some(stamp));
             assert_eq!(begin, last);
             let middle = 1_000 + n * 100_010 + 1_000;
-            assert!(n < 50 || begin.0.abs_diff(middle) < 600, "{n}: {} us off", begin.0 as i64 - middle as i64);
+            assert!(
+                n < 50 || begin.0.abs_diff(middle) < 600,
+                "{n}: {} us off",
+                begin.0 as i64 - middle as i64
+            );
             last = end;
         }
     }

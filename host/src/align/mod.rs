@@ -21,6 +21,5 @@ mod stream;
 pub use frame::{AlignedFrame, MAPS, MapInvalid, MapName};
 pub use stream::{AlignError, FrameStream, Settings, StreamCounts};
 
-
 #[cfg(test)]
 mod tests;

@@ -46,9 +46,9 @@ impl Settings {
     /// The defaults for `radar`: maps of 64 points, tags as they come.
     pub fn new(radar: RadarConfig) -> Self {
         Self {
+            angles: aoa::Settings::of(&radar.profile),
             radar,
             points: 64,
-            angles: aoa::Settings::default(),
             phases: phase::Settings::default(),
             tags: Vec::new(),
             calibration: Calibration::default(),
@@ -309,7 +309,10 @@ impl FrameStream {
 
     /// A frame of which nothing is there yet.
     fn blank(&mut self, number: u32) -> AlignedFrame {
-        let mut aligned = self.spare.pop().unwrap_or_else(|| AlignedFrame::empty(self.points, self.phases.latest().clone()));
+        let mut aligned = self
+            .spare
+            .pop()
+            .unwrap_or_else(|| AlignedFrame::empty(self.points, self.phases.latest().clone()));
         aligned.number = number;
         aligned.estimate = None;
         aligned.invalid = [Some(MapInvalid::Flaw(Flaw::Missing)); MAPS];
@@ -328,7 +331,8 @@ impl FrameStream {
         let [range_time, range_doppler, angle] = &mut aligned.maps;
         let maps = self.maps.frame(frame, range_doppler, range_time);
         let folded = self.velocity.frame(frame) == Velocity::Aliased;
-        let [time, doppler] = [maps.range_time.flaw, maps.range_doppler.flaw].map(|flaw| flaw.map(MapInvalid::Flaw));
+        let [time, doppler] =
+            [maps.range_time.flaw, maps.range_doppler.flaw].map(|flaw| flaw.map(MapInvalid::Flaw));
         let folded = folded.then_some(MapInvalid::Folded);
         aligned.invalid[MapName::RangeTime as usize] = time;
         aligned.invalid[MapName::RangeDoppler as usize] = doppler.or(folded);

@@ -77,7 +77,11 @@ fn a_frame_waits_for_its_reads_as_long_as_there_is_a_reader() {
         stream.push_reads(&[read(us, 40 * step as u16)], BridgeTime(us + 5_000));
         stream.advance(BridgeTime(us + 5_000));
         for frame in taken(&mut stream) {
-            assert!(us + 5_000 >= frame.end.0 + 20_000 && us < frame.end.0 + 30_000, "{} at {us}", frame.number);
+            assert!(
+                us + 5_000 >= frame.end.0 + 20_000 && us < frame.end.0 + 30_000,
+                "{} at {us}",
+                frame.number
+            );
             if frame.begin.0 > PERIOD_US {
                 let turned = frame.phase(0, 0).unwrap();
                 assert!((turned - 400.0 / 4096.0 * std::f32::consts::TAU).abs() < 0.06, "{turned}");

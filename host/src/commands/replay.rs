@@ -82,7 +82,14 @@ impl Replay {
             vibration.is_none() || profile.is_some(),
             "--vibration needs raw samples and their --profile"
         );
-        let options = Options { profile, scene, clutter, whole_range: self.depth.is_none(), vibration, aligned: self.aligned };
+        let options = Options {
+            profile,
+            scene,
+            clutter,
+            whole_range: self.depth.is_none(),
+            vibration,
+            aligned: self.aligned,
+        };
         let progress = Progress::new(format!("replaying {}", self.file.display()))?;
         let summary = replay(&self.file, &options, &self.out, &mut |share| progress.show(share))?;
         drop(progress);

@@ -257,7 +257,6 @@ impl Resampler {
     }
 }
 
-
 /// `level::code` without its rounding to a whole code.
 #[inline(always)]
 fn code_level(power: f32) -> f32 {

@@ -225,7 +225,7 @@ impl PhaseFrames {
             let holds = Holds::of(&self.tracks, cell / antennas);
             let found = history.difference(begin.0, end.0, holds);
             *difference = match found {
-                Ok(_) | Err(Invalid::NoRead) if clock_wrong => Err(Invalid::ClockJump),
+                Ok(_) | Err(Invalid::NoRead | Invalid::NeverSeen) if clock_wrong => Err(Invalid::ClockJump),
                 found => found.map(|turned| turned as f32),
             };
         }

@@ -68,7 +68,9 @@ impl ReaderClock {
             self.window_before = std::mem::replace(&mut self.window, NONE);
         }
         let least = self.window.min(self.window_before);
-        let lags = least != NONE && least - self.least > settings.lag_us.cast_signed();
+        // From the start too: the mapping makes the quickest about as early as it makes any.
+        let usual = self.least.min(settings.lead_us.cast_signed());
+        let lags = least != NONE && least - usual > settings.lag_us.cast_signed();
         std::mem::take(&mut self.wrong) || lags
     }
 }

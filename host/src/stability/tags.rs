@@ -125,11 +125,13 @@ pub fn cases() -> Vec<Box<dyn Case>> {
                 reads
             },
         ),
-        case(
-            "phase-wrong-hop-table",
-            "Offsets of a share of the channels change just before the movement; hops out of the gate call them stale",
-            ("share of channels whose offset changed", "", SHARES),
-            |share, rng| {
+        Box::new(TagCase {
+            name: "phase-wrong-hop-table",
+            about: "Offsets of a share of the channels change just before the movement; hops out of the gate call them stale",
+            stress: Stress { label: "share of channels whose offset changed", unit: "", values: SHARES },
+            // Offsets change by any amount, not by turns: what fits the gate is as small as noise, frame by frame.
+            measure: WORST,
+            draw: |share, rng| {
                 let mut reads = Reach::default().draw(rng);
                 let (chosen, begin) = (choose(share, rng), reads.moves.0);
                 let changes: Vec<f64> = (0..=u8::MAX).map(|_| TAU * rng.random::<f64>()).collect();
@@ -140,7 +142,7 @@ pub fn cases() -> Vec<Box<dyn Case>> {
                 });
                 reads
             },
-        ),
+        }),
         case(
             "phase-pi-ambiguity",
             "A share of the phases is half a turn off; they are found by the gate and left out",

@@ -84,7 +84,7 @@ struct Read {
 }
 
 impl Room {
-    /// Four seconds with six tags, one of which is moved, and a strong echo.
+    /// Four and a half seconds with three tags, one of which is moved, and a strong echo.
     pub(super) fn draw(rng: &mut ChaCha8Rng) -> Self {
         Self {
             tags: 3,
@@ -202,10 +202,11 @@ impl Room {
         }
     }
 
-    /// Lets a stream see it all; returns the stream's frame that is asked for, by its time or by its count, and the stream.
+    /// Lets a stream see it all; returns the frames about the one that is asked for, and the stream.
     fn stream(&self, reads: &[Read], asked: u32, rng: &mut ChaCha8Rng) -> (Vec<AlignedFrame>, FrameStream) {
         let mut settings = Settings::new(config());
         settings.points = usize::from(LOOPS);
+        settings.tags = (0..self.tags).map(epc).collect();
         let mut stream = FrameStream::new(settings).expect("the settings fit the profile");
         let mut reads = reads.iter().peekable();
         let mut kept = Vec::new();
@@ -252,7 +253,8 @@ impl Room {
             let stamp = |read: &Read| read.time_us.saturating_add_signed(self.late_us);
             let nearest = of_tag.min_by_key(|read| stamp(read).abs_diff(at))?;
             // Its channels' offsets are known beforehand, better than any can be learnt.
-            let still = self.offsets[nearest.place] + 2.0 * TAU * (1.5 + 0.037 * nearest.tag as f64) / wavelength(nearest.place);
+            let still = self.offsets[nearest.place]
+                + 2.0 * TAU * (1.5 + 0.037 * nearest.tag as f64) / wavelength(nearest.place);
             Some(f64::from(nearest.code.radians()) - still)
         };
         let turned = phase(begin).zip(phase(begin + PERIOD_US)).map_or(0.0, |(from, to)| wrap(to - from));
@@ -280,7 +282,7 @@ impl Room {
             // Nothing is said of a tag that is not there, and of one too many it is counted.
             None if self.tags == 0 => Trial { error: 0.0, announced: None },
             None => {
-                let counted = stream.counts().reads.other_tags > 0 || self.frames < 10;
+                let counted = stream.counts().reads.other_tags > 0;
                 Trial { error: truth.abs(), announced: counted.then_some("not_held") }
             }
         }
