@@ -69,7 +69,7 @@ fn recorded(folder: &Path) -> (RadarProfile, Vec<Covariance>) {
         profile: Some(profile.clone()),
         scene: Default::default(),
         clutter: None,
-        whole_range: false,
+        whole_range: true,
     };
     replay(&recordings.join("pick_up_book.pcap.gz"), &options, folder, &mut |_| true).expect("it replays");
     let mut numbers =
