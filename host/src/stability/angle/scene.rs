@@ -39,7 +39,10 @@ impl Scene {
     }
 
     /// Draws what is random, and the covariance.
-    #[allow(clippy::needless_range_loop, reason = "rows and columns by their numbers, as the formula has them")]
+    #[allow(
+        clippy::needless_range_loop,
+        reason = "rows and columns by their numbers, as the formula has them"
+    )]
     pub fn covariance(&self, profile: &RadarProfile, rng: &mut ChaCha8Rng) -> Covariance {
         let antennas = virtual_antennas(profile).unwrap_or_default();
         let n = antennas.len();
