@@ -195,10 +195,12 @@ impl Estimator {
             return self.nothing(Doubt::NotPositive);
         }
         let floor = if self.settings.guards.is_some() { ROUNDING } else { 0.0 };
+        // A subarray may see more power or less than the whole array does.
+        let loading = self.settings.loading * eigen.values[..n].iter().sum::<f64>() / n as f64;
         for value in &mut eigen.values[..n] {
-            *value = (*value + self.settings.loading).max(floor);
+            *value = (*value + loading).max(floor);
         }
-        let plan = self.plan(&eigen.values[..n], snapshots);
+        let plan = self.plan(&eigen.values[..n], loading, snapshots);
         let decibels = self.spectrum(plan, &eigen, power);
         self.grid.map(&self.form, decibels, &mut self.map);
         let inverse = plan.method != Method::Bartlett;
@@ -211,8 +213,8 @@ impl Estimator {
         Estimate::nothing(self.settings.method, doubt)
     }
 
-    /// Chooses order and method.
-    fn plan(&self, eigenvalues: &[f64], snapshots: f64) -> Plan {
+    /// Chooses order and method by eigenvalues to which `loading` is added.
+    fn plan(&self, eigenvalues: &[f64], loading: f64, snapshots: f64) -> Plan {
         let Settings { method, forward_backward, order, largest_order, .. } = self.settings;
         let n = eigenvalues.len();
         let mut seen = order::select(order, eigenvalues, snapshots, forward_backward);
@@ -223,7 +225,7 @@ impl Estimator {
         let gap = |k: usize| 10.0 * (eigenvalues[k - 1] / eigenvalues[k].max(f64::MIN_POSITIVE)).log10();
         let order = seen.clamp(1, largest_order);
         let mean = |k: usize| eigenvalues[k..].iter().sum::<f64>() / (n - k) as f64;
-        let noise = |k: usize| (mean(k) - self.settings.loading).max(0.0);
+        let noise = |k: usize| (mean(k) - loading).max(0.0);
         let plan = Plan { method, order, gap_db: gap(order), noise: noise(order), doubt: None };
         let Some(guards) = self.settings.guards else { return plan };
         let samples = if forward_backward { 2.0 * snapshots } else { snapshots };

@@ -79,6 +79,7 @@ impl Scene {
 }
 
 /// As it travels.
+#[allow(clippy::needless_range_loop, reason = "rows and columns by their numbers, as the formula has them")]
 fn pack(matrix: &[[Complex64; MAX_VIRTUAL]; MAX_VIRTUAL], n: usize, scale: f64) -> Covariance {
     let mut packed = heapless::Vec::new();
     for i in 0..n {
