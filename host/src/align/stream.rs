@@ -30,8 +30,8 @@ pub struct Settings {
     pub radar: RadarConfig,
     /// Points of a map each way.
     pub points: usize,
-    /// Angle of arrival; its points are those of the maps.
-    pub angles: aoa::Settings,
+    /// Angle of arrival, whose points become those of the maps; `None` takes the defaults for the profile's array.
+    pub angles: Option<aoa::Settings>,
     /// Phase differences.
     pub phases: phase::Settings,
     /// The tags, in the order of a frame's; if there are none, all tags in the order of first sight.
@@ -46,7 +46,7 @@ impl Settings {
     /// The defaults for `radar`: maps of 64 points, tags as they come.
     pub fn new(radar: RadarConfig) -> Self {
         Self {
-            angles: aoa::Settings::of(&radar.profile),
+            angles: None,
             radar,
             points: 64,
             phases: phase::Settings::default(),
@@ -119,6 +119,10 @@ impl FrameStream {
     /// If the settings do not fit the profile.
     pub fn new(settings: Settings) -> Result<Self, AlignError> {
         let Settings { radar, points, angles, phases, tags, calibration, patience_us } = settings;
+        let angles = match angles {
+            Some(settings) => settings,
+            None => aoa::Settings::of(&radar.profile)?,
+        };
         let angles = aoa::Settings { points, ..angles };
         Ok(Self {
             receiver: Receiver::new(),
