@@ -179,25 +179,67 @@ impl<S: Simd> Arithmetic<S> {
     }
 }
 
-/// Lane `j` of `source[i]` becomes lane `i` of `out[j]`.
+/// Side of the blocks that are transposed in registers.
+const BLOCK: usize = 4;
+type Block = [[f32; BLOCK]; BLOCK];
+
+/// Transposes 16 x 16.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Transposer {
+    /// Compilers left to themselves take 16 loads and 16 stores for a block.
+    #[cfg(target_arch = "x86_64")]
+    sse: Option<pulp::core_arch::x86::Sse>,
+}
+
+impl Transposer {
+    pub(super) fn new() -> Self {
+        Self {
+            #[cfg(target_arch = "x86_64")]
+            sse: pulp::core_arch::x86::Sse::try_new(),
+        }
+    }
+
+    /// Lane `j` of `source[i]` becomes lane `i` of `out[j]`.
+    #[inline(always)]
+    pub(super) fn transpose(self, source: &[Cells; LANES], out: &mut [Cells; LANES]) {
+        #[cfg(target_arch = "x86_64")]
+        if let Some(sse) = self.sse {
+            return by_blocks(source, out, |block| in_registers(sse, block));
+        }
+        by_blocks(source, out, |rows| core::array::from_fn(|c| core::array::from_fn(|r| rows[r][c])));
+    }
+}
+
 #[inline(always)]
-pub(super) fn transpose(source: &[Cells; LANES], out: &mut [Cells; LANES]) {
-    for i in 0..LANES / BLOCK {
-        for j in 0..LANES / BLOCK {
-            let re = transposed(core::array::from_fn(|r| source[BLOCK * i + r].re.as_chunks().0[j]));
-            let im = transposed(core::array::from_fn(|r| source[BLOCK * i + r].im.as_chunks().0[j]));
-            for (c, out) in out[BLOCK * j..][..BLOCK].iter_mut().enumerate() {
-                out.re.as_chunks_mut().0[i] = re[c];
-                out.im.as_chunks_mut().0[i] = im[c];
+fn by_blocks(source: &[Cells; LANES], out: &mut [Cells; LANES], transposed: impl Fn(Block) -> Block) {
+    for (i, [a, b, c, d]) in source.as_chunks::<BLOCK>().0.iter().enumerate() {
+        for (j, out) in out.as_chunks_mut::<BLOCK>().0.iter_mut().enumerate() {
+            let of = |row: &[f32; LANES]| row.as_chunks().0[j];
+            let re = transposed([of(&a.re), of(&b.re), of(&c.re), of(&d.re)]);
+            let im = transposed([of(&a.im), of(&b.im), of(&c.im), of(&d.im)]);
+            for (out, (re, im)) in out.iter_mut().zip(re.into_iter().zip(im)) {
+                out.re.as_chunks_mut().0[i] = re;
+                out.im.as_chunks_mut().0[i] = im;
             }
         }
     }
 }
 
-/// Blocks of 4 x 4 are what compilers make shuffles of.
-const BLOCK: usize = 4;
-
+#[cfg(target_arch = "x86_64")]
 #[inline(always)]
-fn transposed(rows: [[f32; BLOCK]; BLOCK]) -> [[f32; BLOCK]; BLOCK] {
-    core::array::from_fn(|c| core::array::from_fn(|r| rows[r][c]))
+fn in_registers(sse: pulp::core_arch::x86::Sse, [a, b, c, d]: Block) -> Block {
+    let (low, high) = {
+        let (a, b) = (pulp::cast(a), pulp::cast(b));
+        (sse._mm_unpacklo_ps(a, b), sse._mm_unpackhi_ps(a, b))
+    };
+    let (low_after, high_after) = {
+        let (c, d) = (pulp::cast(c), pulp::cast(d));
+        (sse._mm_unpacklo_ps(c, d), sse._mm_unpackhi_ps(c, d))
+    };
+    [
+        pulp::cast(sse._mm_movelh_ps(low, low_after)),
+        pulp::cast(sse._mm_movehl_ps(low_after, low)),
+        pulp::cast(sse._mm_movelh_ps(high, high_after)),
+        pulp::cast(sse._mm_movehl_ps(high_after, high)),
+    ]
 }

@@ -25,7 +25,7 @@ use rfhoi_shared::config::{ConfigError, RadarConfig};
 use rfhoi_shared::radar::MAX_LOOPS;
 
 use doppler::DopplerFft;
-use lanes::{Cells, LANES, transpose};
+use lanes::{Cells, LANES, Transposer};
 use range::RangeFft;
 
 /// What came of a frame besides its maps.
@@ -291,7 +291,7 @@ fn by_bin(sums: &[[f32; LANES]], layout: &Layout, block: usize, scale: f32, turn
             source.re = *sums;
         }
         let mut rows = [Cells::ZERO; LANES];
-        transpose(&source, &mut rows);
+        Transposer::new().transpose(&source, &mut rows);
         for (lane, row) in rows.iter().enumerate() {
             let Some(bin) = (first_bin + lane).checked_sub(layout.first).filter(|&b| b < layout.bins) else {
                 continue;

@@ -10,7 +10,7 @@ use rfhoi_firmware::dsp::window;
 use rfhoi_shared::radar::{IqOrder, RadarProfile, SampleFormat};
 
 use super::fft::{LaneFft, root};
-use super::lanes::{Arithmetic, Cells, LANES, transpose};
+use super::lanes::{Arithmetic, Cells, LANES, Transposer};
 
 const HALF: usize = LANES / 2;
 
@@ -23,6 +23,7 @@ const fn sample_of(lane: usize) -> usize {
 #[derive(Debug)]
 pub(super) struct RangeFft {
     format: SampleFormat,
+    transposer: Transposer,
     /// The window at even and odd samples.
     window: [Vec<f32>; 2],
     /// Words as numbers: even and odd samples of each row's first words, then of its second ones.
@@ -61,6 +62,7 @@ impl RangeFft {
         let groups = vectors.div_ceil(LANES);
         Self {
             format: profile.format,
+            transposer: Transposer::new(),
             window: [0, 1].map(|odd| window.iter().copied().skip(odd).step_by(2).collect()),
             words: [(); 2].map(|()| [(); 2].map(|()| vec![0.0; samples / 2])),
             columns: LaneFft::new(vectors),
@@ -123,9 +125,9 @@ impl RangeFft {
     /// The second step, of 16 vectors.
     #[inline(always)]
     fn across_lanes<S: Simd>(&mut self, simd: S, group: usize) {
-        let Self { transformed, block, bins, twiddles, .. } = self;
+        let Self { transformed, transposer, block, bins, twiddles, .. } = self;
         let Some(source) = transformed.as_chunks::<LANES>().0.get(group) else { return };
-        transpose(source, block);
+        transposer.transpose(source, block);
         let twiddles = &twiddles[group];
         let arithmetic = Arithmetic(simd);
         for register in 0..LANES / S::F32_LANES {
