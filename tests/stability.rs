@@ -52,6 +52,9 @@ fn alike(now: &str, then: &str) -> bool {
     let number = |text: &str| if text == "-" { Some(0.0) } else { text.parse::<f64>().ok() };
     now.len() == then.len()
         && now.iter().zip(&then).all(|(a, b)| {
-            a == b || number(a).zip(number(b)).is_some_and(|(a, b)| (a - b).abs() <= f64::max(4.0, 0.1 * a.abs()))
+            a == b
+                || number(a)
+                    .zip(number(b))
+                    .is_some_and(|(a, b)| (a - b).abs() <= f64::max(4.0, 0.1 * a.abs()))
         })
 }

@@ -13,7 +13,12 @@ use stats_alloc::{INSTRUMENTED_SYSTEM, Region, StatsAlloc};
 static ALLOCATOR: &StatsAlloc<System> = &INSTRUMENTED_SYSTEM;
 
 /// Feeds `frames` frames and hands each aligned one to `each`.
-fn run(traffic: &mut Traffic, stream: &mut FrameStream, frames: u32, mut each: impl FnMut(&rfhoi::align::AlignedFrame)) {
+fn run(
+    traffic: &mut Traffic,
+    stream: &mut FrameStream,
+    frames: u32,
+    mut each: impl FnMut(&rfhoi::align::AlignedFrame),
+) {
     for _ in 0..frames {
         traffic.frame(|packet| stream.push(packet).expect("it is a packet"));
         while let Some(frame) = stream.next() {
@@ -32,7 +37,8 @@ fn resident_kb() -> Option<u64> {
 
 #[test]
 fn nothing_is_allocated_a_frame_and_hours_leave_no_trace() {
-    let hours: f64 = std::env::var("RFHOI_SOAK_HOURS").ok().map_or(0.1, |h| h.parse().expect("a number of hours"));
+    let hours: f64 =
+        std::env::var("RFHOI_SOAK_HOURS").ok().map_or(0.1, |h| h.parse().expect("a number of hours"));
     let mut traffic = Traffic::new("kitchen", 5);
     let mut stream = FrameStream::new(Settings::new(traffic.config().clone())).unwrap();
     // The lead-in, all tags seen, every channel learnt.

@@ -77,10 +77,14 @@ impl Traffic {
     pub fn frame(&mut self, mut send: impl FnMut(&[u8])) {
         if !std::mem::replace(&mut self.started, true) {
             let channels = self.sample.channels.iter().copied().collect();
-            self.uplink.send(BridgeTime(0), Message::HopTable(HopTable { table: 1, channels }), |_, packet| {
-                send(packet);
-                true
-            });
+            self.uplink.send(
+                BridgeTime(0),
+                Message::HopTable(HopTable { table: 1, channels }),
+                |_, packet| {
+                    send(packet);
+                    true
+                },
+            );
         }
         let number = self.frame;
         let begin = self.begin(number);

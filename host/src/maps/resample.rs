@@ -4,11 +4,12 @@
 //! covers where it shrinks. Columns go first, row by row, since there are fewer rows than points; then rows, which are
 //! contiguous.
 
+use pulp::{Simd, WithSimd};
 use rfhoi_firmware::dsp::level;
 use rfhoi_shared::wire::LogScale;
 
 use super::flaw::{Flaw, MapState};
-use super::unit::Extent;
+use super::unit;
 use crate::receive::HeatMap;
 
 /// Least points of a map's side.
@@ -79,13 +80,14 @@ impl Axis {
     }
 
     /// One row of cells to points.
-    #[inline(always)]
     fn row(&self, cells: &[f32], out: &mut [f32]) {
         let points = out.iter_mut().zip(&self.first);
         match self.taps {
             1 => points.for_each(|(out, &first)| *out = cells[first]),
             2 => points.zip(self.weights.as_chunks::<2>().0).for_each(|((out, &first), [a, b])| {
-                *out = a * cells[first] + b * cells[first + 1];
+                if let Some([x, y]) = cells.get(first..first + 2) {
+                    *out = a * x + b * y;
+                }
             }),
             taps => points.zip(self.weights.chunks_exact(taps)).for_each(|((out, &first), weights)| {
                 *out = weights.iter().zip(&cells[first..]).map(|(w, x)| w * x).sum();
@@ -139,9 +141,10 @@ impl Resampler {
         if state.flaw.is_some_and(Flaw::is_blank) {
             out.fill(0.0);
         } else {
+            self.widen();
+            let Self { rows, widened, points, .. } = self;
             // In the widest registers that the machine has.
-            let arch = self.arch;
-            arch.dispatch(|| self.square(out));
+            self.arch.dispatch(Stretch { rows, source: widened, points: *points, out });
         }
         state
     }
@@ -224,36 +227,54 @@ impl Resampler {
         Some(filled)
     }
 
-    /// Resamples the levels and brings them to 0 to 1.
-    #[inline(always)]
-    fn square(&mut self, out: &mut [f32]) {
-        let Self { rows, columns, shape, points, levels, widened, .. } = self;
+    /// Resamples the columns.
+    fn widen(&mut self) {
+        let Self { columns, shape, points, levels, widened, .. } = self;
         for (cells, wide) in levels.chunks_exact(shape[1]).zip(widened.chunks_exact_mut(*points)) {
             columns.row(cells, wide);
         }
-        let mut extent = Extent::new();
+    }
+}
+
+/// Resamples rows and brings all to 0 to 1.
+struct Stretch<'a> {
+    rows: &'a Axis,
+    /// Rows of cells by points.
+    source: &'a [f32],
+    points: usize,
+    out: &'a mut [f32],
+}
+
+impl WithSimd for Stretch<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, simd: S) {
+        let Self { rows, source, points, out } = self;
+        let (mut least, mut most) = (f32::INFINITY, f32::NEG_INFINITY);
+        let (mut leasts, mut mosts) = (simd.splat_f32s(least), simd.splat_f32s(most));
         let of_rows = rows.first.iter().zip(rows.weights.chunks_exact(rows.taps));
-        for (out, (&first, weights)) in out.chunks_exact_mut(*points).zip(of_rows) {
-            let mut sources = widened[first * *points..].chunks_exact(*points).zip(weights);
-            match *weights {
-                [a, b] => {
-                    let (x, y) = widened[first * *points..][..2 * *points].split_at(*points);
-                    for ((out, x), y) in out.iter_mut().zip(x).zip(y) {
-                        *out = a * x + b * y;
-                    }
+        for (out, (&first, weights)) in out.chunks_exact_mut(points).zip(of_rows) {
+            let sources = || source[first * points..].chunks_exact(points);
+            let (registers, rest) = S::as_mut_simd_f32s(out);
+            for (i, out) in registers.iter_mut().enumerate() {
+                let mut sum = simd.splat_f32s(0.0);
+                for (source, &weight) in sources().zip(weights) {
+                    let x = S::as_simd_f32s(source).0[i];
+                    sum = simd.mul_add_e_f32s(simd.splat_f32s(weight), x, sum);
                 }
-                _ => {
-                    if let Some((source, weight)) = sources.next() {
-                        out.iter_mut().zip(source).for_each(|(out, x)| *out = weight * x);
-                    }
-                    for (source, weight) in sources {
-                        out.iter_mut().zip(source).for_each(|(out, x)| *out += weight * x);
-                    }
-                }
+                *out = sum;
+                (leasts, mosts) = (simd.min_f32s(leasts, sum), simd.max_f32s(mosts, sum));
             }
-            extent.add(out);
+            let done = points - rest.len();
+            for (i, out) in rest.iter_mut().enumerate() {
+                *out = sources().zip(weights).map(|(source, weight)| weight * source[done + i]).sum();
+                (least, most) = (least.min(*out), most.max(*out));
+            }
         }
-        extent.stretch(out);
+        least = least.min(simd.reduce_min_f32s(leasts));
+        most = most.max(simd.reduce_max_f32s(mosts));
+        unit::stretch(simd, least, most, out);
     }
 }
 

@@ -1,53 +1,39 @@
 //! Levels to values from 0 to 1 (min-max normalisation, the paper's section 3.2).
 
-/// Values that are looked at abreast.
-const LANES: usize = 16;
+use pulp::{Simd, WithSimd};
 
-/// The least and the greatest of some levels.
-#[derive(Debug, Clone, Copy)]
-pub(super) struct Extent {
-    least: [f32; LANES],
-    most: [f32; LANES],
+/// Brings levels from `least` to `most` to 0 to 1; all to 0 where they are all the same.
+#[inline(always)]
+pub(super) fn stretch<S: Simd>(simd: S, least: f32, most: f32, levels: &mut [f32]) {
+    let scale = if most > least { 1.0 / (most - least) } else { 0.0 };
+    // Rounding may leave the strongest a hair over 1.
+    let (registers, rest) = S::as_mut_simd_f32s(levels);
+    for x in registers {
+        let share = simd.mul_f32s(simd.sub_f32s(*x, simd.splat_f32s(least)), simd.splat_f32s(scale));
+        *x = simd.min_f32s(share, simd.splat_f32s(1.0));
+    }
+    for x in rest {
+        *x = ((*x - least) * scale).min(1.0);
+    }
 }
 
-impl Extent {
-    /// Of nothing yet.
-    pub(super) const fn new() -> Self {
-        Self { least: [f32::INFINITY; LANES], most: [f32::NEG_INFINITY; LANES] }
+/// The least and the greatest of `levels`.
+#[inline(always)]
+fn extent<S: Simd>(simd: S, levels: &[f32]) -> (f32, f32) {
+    let (mut least, mut most) = (f32::INFINITY, f32::NEG_INFINITY);
+    let (mut leasts, mut mosts) = (simd.splat_f32s(least), simd.splat_f32s(most));
+    let (registers, rest) = S::as_simd_f32s(levels);
+    for &x in registers {
+        (leasts, mosts) = (simd.min_f32s(leasts, x), simd.max_f32s(mosts, x));
     }
-
-    /// Takes more levels.
-    #[inline(always)]
-    pub(super) fn add(&mut self, levels: &[f32]) {
-        let (chunks, rest) = levels.as_chunks::<LANES>();
-        for chunk in chunks {
-            for ((least, most), &x) in self.least.iter_mut().zip(&mut self.most).zip(chunk) {
-                *least = if x < *least { x } else { *least };
-                *most = if x > *most { x } else { *most };
-            }
-        }
-        for &x in rest {
-            self.least[0] = self.least[0].min(x);
-            self.most[0] = self.most[0].max(x);
-        }
+    for &x in rest {
+        (least, most) = (least.min(x), most.max(x));
     }
-
-    /// Brings levels within it to 0 to 1; all to 0 where they are all the same.
-    #[inline(always)]
-    pub(super) fn stretch(&self, levels: &mut [f32]) {
-        let least = self.least.into_iter().fold(f32::INFINITY, f32::min);
-        let most = self.most.into_iter().fold(f32::NEG_INFINITY, f32::max);
-        let scale = if most > least { 1.0 / (most - least) } else { 0.0 };
-        for x in levels {
-            // Rounding may leave the strongest a hair over 1.
-            let share = (*x - least) * scale;
-            *x = if share < 1.0 { share } else { 1.0 };
-        }
-    }
+    (least.min(simd.reduce_min_f32s(leasts)), most.max(simd.reduce_max_f32s(mosts)))
 }
 
 /// Angle maps to squares.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone, Copy, Default)]
 pub struct AngleSquare {
     arch: pulp::Arch,
 }
@@ -55,29 +41,34 @@ pub struct AngleSquare {
 impl AngleSquare {
     /// For the machine at hand.
     pub fn new() -> Self {
-        Self { arch: pulp::Arch::new() }
+        Self::default()
     }
 
     /// Writes `levels_db`, rows of elevation or the one row of an array that has none, to all rows of `out`, from 0 to 1. Both
     /// have rows of one length.
     pub fn map(&self, levels_db: &[f32], out: &mut [f32]) {
-        let rows = levels_db.len().clamp(1, out.len().max(1));
-        self.arch.dispatch(|| {
-            let mut extent = Extent::new();
-            extent.add(levels_db);
-            for rows in out.chunks_mut(rows) {
-                for (out, &level) in rows.iter_mut().zip(levels_db) {
-                    *out = level;
-                }
-                extent.stretch(rows);
-            }
-        });
+        self.arch.dispatch(Square { levels_db, out });
     }
 }
 
-impl Default for AngleSquare {
-    fn default() -> Self {
-        Self::new()
+struct Square<'a> {
+    levels_db: &'a [f32],
+    out: &'a mut [f32],
+}
+
+impl WithSimd for Square<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, simd: S) {
+        let Self { levels_db, out } = self;
+        let (least, most) = extent(simd, levels_db);
+        for rows in out.chunks_mut(levels_db.len().max(1)) {
+            for (out, &level) in rows.iter_mut().zip(levels_db) {
+                *out = level;
+            }
+            stretch(simd, least, most, rows);
+        }
     }
 }
 

@@ -8,7 +8,8 @@ use super::{Case, Measure, Stress, Trial};
 use room::{Asked, Room};
 
 /// A quarter of the least mistake that aliasing can make: a turn of the phase, 164 mm.
-const MOVEMENT: Measure = Measure { label: "error of a tag's movement in a frame", unit: "mm", tolerance: 41.0 };
+const MOVEMENT: Measure =
+    Measure { label: "error of a tag's movement in a frame", unit: "mm", tolerance: 41.0 };
 
 /// The cases of this module.
 pub fn cases() -> Vec<Box<dyn Case>> {

@@ -130,23 +130,18 @@ impl DopplerFft {
                     *kept
                 }
             };
-            remove(&removed, slot, intact, out);
+            remove(arithmetic, &removed, slot, intact, out);
             if antenna.is_multiple_of(self.receivers) {
                 let group = *loops / *columns;
-                for (g, (rows, time)) in rows.chunks_exact(group).zip(time).enumerate() {
-                    let weights = &slot.weights[g * group..];
+                let groups = rows.chunks_exact(group).zip(slot.weights.chunks_exact(group));
+                for ((rows, weights), time) in groups.zip(time) {
                     for (row, _) in rows.iter().zip(weights).filter(|&(_, &w)| intact || w != 0.0) {
-                        for i in 0..LANES {
-                            let (re, im) = (row.re[i] - removed.re[i], row.im[i] - removed.im[i]);
-                            time[i] += re * re + im * im;
-                        }
+                        arithmetic.add_power(row, &removed, time);
                     }
                 }
             }
-            for (power, z) in power.iter_mut().zip(&*out) {
-                for i in 0..LANES {
-                    power[i] += z.re[i] * z.re[i] + z.im[i] * z.im[i];
-                }
+            for (z, power) in out.iter().zip(power) {
+                arithmetic.add_power(z, &Cells::ZERO, power);
             }
         }
     }
@@ -159,21 +154,17 @@ impl DopplerFft {
 
 /// Takes what is static off Doppler spectra. Of an intact Hann window only bins -1, 0 and 1 are not zero.
 #[inline(always)]
-fn remove(removed: &Cells, slot: &Slot, intact: bool, out: &mut [Cells]) {
+fn remove<S: Simd>(arithmetic: Arithmetic<S>, removed: &Cells, slot: &Slot, intact: bool, out: &mut [Cells]) {
     /// Shortest Hann window of which bins -1 and 1 are two.
     const MIN_SPARSE: usize = 4;
-    let correct = |(z, &[re, im]): (&mut Cells, &[f32; 2])| {
-        for i in 0..LANES {
-            z.re[i] -= removed.re[i] * re - removed.im[i] * im;
-            z.im[i] -= removed.re[i] * im + removed.im[i] * re;
-        }
-    };
     let last = out.len() - 1;
-    if intact && last + 1 >= MIN_SPARSE {
-        for k in [0, 1, last] {
-            correct((&mut out[k], &slot.leakage[k]));
+    let sparse = intact && last + 1 >= MIN_SPARSE;
+    for (k, (z, &leak)) in out.iter_mut().zip(&slot.leakage).enumerate() {
+        if sparse && k > 1 && k < last {
+            continue;
         }
-    } else {
-        out.iter_mut().zip(&slot.leakage).for_each(correct);
+        for register in 0..LANES / S::F32_LANES {
+            z.put(register, arithmetic.subtract_turned(z.get(register), removed.get(register), leak));
+        }
     }
 }

@@ -77,7 +77,8 @@ impl LaneFft {
 
 /// One FFT of length `N` over `source[step * n]` into `out[out_step * k]`.
 #[inline(always)]
-pub(super) fn across<S: Simd, const N: usize>(
+#[allow(clippy::needless_range_loop, reason = "iterators of registers are not always inlined")]
+fn across<S: Simd, const N: usize>(
     simd: S,
     source: &[Cells],
     step: usize,
@@ -86,10 +87,15 @@ pub(super) fn across<S: Simd, const N: usize>(
     before: impl Fn(usize, Complexes<S>) -> Complexes<S>,
     after: impl Fn(usize, Complexes<S>) -> Complexes<S>,
 ) {
+    let arithmetic = Arithmetic(simd);
     for register in 0..LANES / S::F32_LANES {
-        let x = array::from_fn(|n| before(n, source[step * n].get(register)));
-        for (k, z) in Arithmetic(simd).fft::<N>(x).into_iter().enumerate() {
-            out[out_step * k].put(register, after(k, z));
+        let mut x = [arithmetic.zero(); N];
+        for n in 0..N {
+            x[n] = before(n, source[step * n].get(register));
+        }
+        let x = arithmetic.fft::<N>(x);
+        for k in 0..N {
+            out[out_step * k].put(register, after(k, x[k]));
         }
     }
 }

@@ -25,7 +25,7 @@ use rfhoi_shared::config::{ConfigError, RadarConfig};
 use rfhoi_shared::radar::MAX_LOOPS;
 
 use doppler::DopplerFft;
-use lanes::{Cells, LANES, transpose};
+use lanes::{Cells, LANES, Transposer};
 use range::RangeFft;
 
 /// What came of a frame besides its maps.
@@ -286,15 +286,18 @@ fn by_bin(sums: &[[f32; LANES]], layout: &Layout, block: usize, scale: f32, turn
     let first_bin = (layout.first_block + block) * LANES;
     for start in (0..columns).step_by(LANES) {
         let count = LANES.min(columns - start);
-        let mut source = [[0.0; LANES]; LANES];
-        source[..count].copy_from_slice(&sums[start..start + count]);
-        let mut rows = [[0.0; LANES]; LANES];
-        transpose(&source, &mut rows);
+        let mut source = [Cells::ZERO; LANES];
+        for (source, sums) in source.iter_mut().zip(&sums[start..start + count]) {
+            source.re = *sums;
+        }
+        let mut rows = [Cells::ZERO; LANES];
+        Transposer::new().transpose(&source, &mut rows);
         for (lane, row) in rows.iter().enumerate() {
             let Some(bin) = (first_bin + lane).checked_sub(layout.first).filter(|&b| b < layout.bins) else {
                 continue;
             };
             let out = &mut out[bin * columns..][..columns];
+            let row = &row.re;
             if count == LANES && turn.is_multiple_of(LANES) {
                 let to = (start + turn) % columns;
                 for (out, x) in out[to..to + LANES].iter_mut().zip(row) {

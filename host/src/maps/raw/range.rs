@@ -10,7 +10,7 @@ use rfhoi_firmware::dsp::window;
 use rfhoi_shared::radar::{IqOrder, RadarProfile, SampleFormat};
 
 use super::fft::{LaneFft, root};
-use super::lanes::{Arithmetic, Cells, LANES, transpose};
+use super::lanes::{Arithmetic, Cells, LANES, Transposer};
 
 const HALF: usize = LANES / 2;
 
@@ -23,6 +23,7 @@ const fn sample_of(lane: usize) -> usize {
 #[derive(Debug)]
 pub(super) struct RangeFft {
     format: SampleFormat,
+    transposer: Transposer,
     /// The window at even and odd samples.
     window: [Vec<f32>; 2],
     /// Words as numbers: even and odd samples of each row's first words, then of its second ones.
@@ -61,6 +62,7 @@ impl RangeFft {
         let groups = vectors.div_ceil(LANES);
         Self {
             format: profile.format,
+            transposer: Transposer::new(),
             window: [0, 1].map(|odd| window.iter().copied().skip(odd).step_by(2).collect()),
             words: [(); 2].map(|()| [(); 2].map(|()| vec![0.0; samples / 2])),
             columns: LaneFft::new(vectors),
@@ -123,26 +125,19 @@ impl RangeFft {
     /// The second step, of 16 vectors.
     #[inline(always)]
     fn across_lanes<S: Simd>(&mut self, simd: S, group: usize) {
-        let Self { transformed, block, bins, twiddles, .. } = self;
+        let Self { transformed, transposer, block, bins, twiddles, .. } = self;
         let Some(source) = transformed.as_chunks::<LANES>().0.get(group) else { return };
-        let mut part = [[0.0; LANES]; LANES];
-        transpose(&source.map(|z| z.re), &mut part);
-        for (z, part) in block.iter_mut().zip(&part) {
-            z.re = *part;
-        }
-        transpose(&source.map(|z| z.im), &mut part);
-        for (z, part) in block.iter_mut().zip(&part) {
-            z.im = *part;
-        }
+        transposer.transpose(source, block);
         let twiddles = &twiddles[group];
-        let multiply = Arithmetic(simd);
+        let arithmetic = Arithmetic(simd);
         for register in 0..LANES / S::F32_LANES {
-            let x = core::array::from_fn(|sample| {
-                let lane = sample % 2 * HALF + sample / 2;
-                multiply.multiply(block[lane].get(register), twiddles[lane].get(register))
-            });
-            for (out, z) in bins.iter_mut().zip(multiply.fft::<LANES>(x)) {
-                out.put(register, z);
+            let mut x = [arithmetic.zero(); LANES];
+            for (lane, (z, twiddle)) in block.iter().zip(twiddles).enumerate() {
+                x[sample_of(lane)] = arithmetic.multiply(z.get(register), twiddle.get(register));
+            }
+            let x = arithmetic.fft::<LANES>(x);
+            for (k, out) in bins.iter_mut().enumerate() {
+                out.put(register, x[k]);
             }
         }
     }
@@ -151,45 +146,64 @@ impl RangeFft {
     #[inline(always)]
     fn unpack(&mut self, raw: &[u8], first: usize) -> u32 {
         let Self { format, window: [even, odd], words: [[a, b], [c, d]], rows, vectors, .. } = self;
-        let mut changes = 0;
-        let (pairs, _) = raw.as_chunks::<4>();
-        let (re, im) = match format {
+        let pairs = raw.as_chunks().0;
+        let (changes, [even, odd], [even_im, odd_im]) = match format {
             SampleFormat::Complex(order) => {
-                // Two words of one part, then two of the other.
-                let out = a.iter_mut().zip(&mut *b).zip(c.iter_mut().zip(&mut *d));
-                let (fours, _) = pairs.as_chunks::<2>();
-                for ((&[p, q], (even, odd)), ((a, b), (c, d))) in
-                    fours.iter().zip(even.iter().zip(&*odd)).zip(out)
-                {
-                    let [p, q] = [p, q].map(u32::from_le_bytes);
-                    changes |= sign_changes(p) | sign_changes(q);
-                    let ([p0, p1], [q0, q1]) = (samples::words(p), samples::words(q));
-                    (*a, *b, *c, *d) = (p0 * even, p1 * odd, q0 * even, q1 * odd);
-                }
+                let changes = split_complex(pairs.as_chunks().0, even, odd, a, b, c, d);
                 match order {
-                    IqOrder::IFirst => ([&*a, &*b], [&*c, &*d]),
-                    IqOrder::QFirst => ([&*c, &*d], [&*a, &*b]),
+                    IqOrder::IFirst => (changes, [&*a, &*b], [&*c, &*d]),
+                    IqOrder::QFirst => (changes, [&*c, &*d], [&*a, &*b]),
                 }
             }
-            SampleFormat::Real => {
-                let out = a.iter_mut().zip(&mut *b);
-                for ((&p, (even, odd)), (a, b)) in pairs.iter().zip(even.iter().zip(&*odd)).zip(out) {
-                    let p = u32::from_le_bytes(p);
-                    changes |= sign_changes(p);
-                    let [p0, p1] = samples::words(p);
-                    (*a, *b) = (p0 * even, p1 * odd);
-                }
-                // The second words stay zero.
-                ([&*a, &*b], [&*c, &*d])
-            }
+            // The second words stay zero.
+            SampleFormat::Real => (split_real(pairs, even, odd, a, b), [&*a, &*b], [&*c, &*d]),
         };
+        let parts = [even, odd, even_im, odd_im].map(|part| part.as_chunks::<HALF>().0);
         for (i, z) in rows[first..first + *vectors].iter_mut().enumerate() {
-            let of = i * HALF..(i + 1) * HALF;
-            z.re[..HALF].copy_from_slice(&re[0][of.clone()]);
-            z.re[HALF..].copy_from_slice(&re[1][of.clone()]);
-            z.im[..HALF].copy_from_slice(&im[0][of.clone()]);
-            z.im[HALF..].copy_from_slice(&im[1][of]);
+            z.re[..HALF].copy_from_slice(&parts[0][i]);
+            z.re[HALF..].copy_from_slice(&parts[1][i]);
+            z.im[..HALF].copy_from_slice(&parts[2][i]);
+            z.im[HALF..].copy_from_slice(&parts[3][i]);
         }
         if changes & SIGNS == 0 { 0 } else { samples::words_at_limits(raw) }
     }
+}
+
+/// Words to even and odd samples of their first part, then of their second one, times the window. Returns the changes of all
+/// words' signs.
+///
+/// A function of its own, so that its slices are known to be apart.
+#[inline(always)]
+fn split_complex(
+    pairs: &[[[u8; 4]; 2]],
+    even: &[f32],
+    odd: &[f32],
+    a: &mut [f32],
+    b: &mut [f32],
+    c: &mut [f32],
+    d: &mut [f32],
+) -> u32 {
+    let mut changes = 0;
+    let out = a.iter_mut().zip(b).zip(c.iter_mut().zip(d));
+    for ((&[p, q], (even, odd)), ((a, b), (c, d))) in pairs.iter().zip(even.iter().zip(odd)).zip(out) {
+        // Two words of one part, then two of the other.
+        let [p, q] = [u32::from_le_bytes(p), u32::from_le_bytes(q)];
+        changes |= sign_changes(p) | sign_changes(q);
+        let ([p0, p1], [q0, q1]) = (samples::words(p), samples::words(q));
+        (*a, *b, *c, *d) = (p0 * even, p1 * odd, q0 * even, q1 * odd);
+    }
+    changes
+}
+
+/// The same of real samples, of which there is one part.
+#[inline(always)]
+fn split_real(pairs: &[[u8; 4]], even: &[f32], odd: &[f32], a: &mut [f32], b: &mut [f32]) -> u32 {
+    let mut changes = 0;
+    for ((&pair, (even, odd)), (a, b)) in pairs.iter().zip(even.iter().zip(odd)).zip(a.iter_mut().zip(b)) {
+        let pair = u32::from_le_bytes(pair);
+        changes |= sign_changes(pair);
+        let [first, second] = samples::words(pair);
+        (*a, *b) = (first * even, second * odd);
+    }
+    changes
 }
