@@ -4,7 +4,7 @@ use glam::Vec3;
 use rfhoi::hoi::Object;
 use rfhoi::simulate::effects::Effects;
 use rfhoi::simulate::rfid::Situation;
-use rfhoi::simulate::scene::{self, RadarPose, Reader, ReaderAntenna, Scene, Tag};
+use rfhoi::simulate::scene::{self, RadarPose, Reader, ReaderAntenna, Scene, Stated, Tag};
 use rfhoi::simulate::{Capsule, Performance, Surface};
 use rfhoi_shared::radar::RadarProfile;
 use rfhoi_shared::tag::Epc;
@@ -53,8 +53,17 @@ impl Room {
         };
         let reader = Reader { antennas: (0..antennas).map(corner).collect(), power_dbm: 30.0 };
         let (furniture, people, places) = Default::default();
-        let scene =
-            Scene { name: "square".into(), room, furniture, radar, reader, tags: Vec::new(), people, places };
+        let scene = Scene {
+            name: "square".into(),
+            room,
+            furniture,
+            radar,
+            reader,
+            tags: Vec::new(),
+            people,
+            places,
+            stated: Stated::default(),
+        };
         Self { scene, tags: epc_bytes.iter().enumerate().map(tag).collect(), body: None }
     }
 
