@@ -80,6 +80,8 @@ fn recorded(folder: &Path) -> (RadarProfile, Vec<Covariance>) {
         scene: Default::default(),
         clutter: None,
         whole_range: true,
+        vibration: None,
+        aligned: None,
     };
     replay(&recordings.join("pick_up_book.pcap.gz"), &options, folder, &mut |_| true).expect("it replays");
     let mut numbers =
