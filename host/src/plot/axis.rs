@@ -86,8 +86,9 @@ impl Axis {
     /// Where `value` lies, 0 at the start of the axis and 1 at its end.
     pub(super) fn place(&self, value: f64) -> f64 {
         if self.logarithmic {
-            // What is not positive lies off the axis.
-            let value = value.max(self.from.min(self.to) * 1e-3);
+            // What is not positive lies off the axis; what is no number stays none.
+            let least = self.from.min(self.to) * 1e-3;
+            let value = if value < least { least } else { value };
             return (value / self.from).ln() / (self.to / self.from).ln();
         }
         (value - self.from) / (self.to - self.from)

@@ -112,6 +112,7 @@ fn narrow_axes_have_more_than_one_tick() {
 fn a_logarithmic_axis_has_equal_factors_equally_long_and_round_ticks() {
     let axis = Axis::logarithmic("", "", 0.1, 1_000.0);
     assert!((axis.place(10.0) - 0.5).abs() < 1e-12 && axis.place(0.0) < 0.0 && axis.place(-1.0) < 0.0);
+    assert!(axis.place(f64::NAN).is_nan());
     let labels = |from, to, most| {
         Axis::logarithmic("", "", from, to).ticks(most).into_iter().map(|t| t.1).collect::<Vec<_>>()
     };

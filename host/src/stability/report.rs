@@ -210,7 +210,6 @@ fn picture(result: &CaseResult) -> Figure {
     }
     let shown: Vec<f64> =
         errors.iter().flat_map(|s| s.points.iter().map(|p| p.1)).filter(|v| v.is_finite()).collect();
-    let label = format!("{}, rms of answers given", result.error);
     let share = |count: u32, p: &Point| f64::from(count) / f64::from(p.trials.max(1)) * 100.0;
     let verdicts = vec![
         series("silently wrong, without guard", plain, &|p| share(p.silent, p)),
@@ -222,8 +221,9 @@ fn picture(result: &CaseResult) -> Figure {
     let panel = |title: &str, y: Axis, series: Vec<Series>| {
         Panel::Lines(Lines { title: title.into(), x: x(), y, series, marks: None })
     };
+    let of_answers = format!("Answers that were given: {}", result.error);
     let panels = vec![
-        panel("Error", axis(&label, result.error_unit, &shown), errors),
+        panel(&of_answers, axis("root mean square", result.error_unit, &shown), errors),
         panel("How answers end", Axis::new("share of the trials", "%", -3.0, 103.0), verdicts),
     ];
     let title = format!("{} (simulated)", result.name);
