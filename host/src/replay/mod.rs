@@ -2,13 +2,14 @@
 //!
 //! ```text
 //! file --source--> datagrams, UART bytes, LLRP streams, reads --Bridge (firmware)--> packets --Receiver--> Outcome
-//! Outcome --radar, tags, vibration, aligned--> pictures (.png) and numbers (.npz)
+//! Outcome --radar, range_azimuth, tags, vibration, aligned--> pictures (.png) and numbers (.npz)
 //! ```
 //!
 //! Nothing is written before the recording has gone through, and every file appears whole.
 
 mod aligned;
 mod radar;
+mod range_azimuth;
 mod source;
 mod tags;
 mod vibration;
@@ -28,7 +29,7 @@ use serde::Serialize;
 
 use crate::align::{self, AlignError, AlignedFrame, FrameStream};
 use crate::atomic::WriteError;
-use crate::detect::DetectError;
+use crate::detect::{DetectError, Format, detect};
 use crate::inspect::{InspectError, MAX_ROW, MAX_TLV_FRAME, ReadFigures};
 use crate::npz::NpzError;
 use crate::phase;
@@ -308,6 +309,9 @@ pub fn replay(
         let series = radar::RadarSeries::new(config, &bridge.frames);
         strongest_moving = series.strongest();
         outputs.extend(series.write(out)?);
+        if matches!(detect(path)?, Format::AdcBin | Format::AdcNpy) {
+            outputs.extend(range_azimuth::write(path, config, out, progress)?);
+        }
     }
     let vibration = match (options.vibration, &options.profile) {
         (Some(target), Some(profile)) => {

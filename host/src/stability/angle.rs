@@ -2,8 +2,8 @@
 //!
 //! Sources are simulated: circular Gaussian signals in white noise, from random directions within 50 degrees to the sides and
 //! 40 up and down, seen by the array of the default profile. Without its guard a method gives what it finds; with it, the
-//! answer of [`Settings::default`] but for what the case is about. Its error is the angle between true and estimated direction,
-//! of several the worst of the best assignment, infinite where their number is wrong.
+//! answer of [`Settings::default`] but for what the case is about. Its error is the worst angle from a source to the nearest
+//! direction found and from a direction found to the nearest source: sources closer than the tolerance may share a direction.
 
 mod scene;
 #[cfg(test)]
