@@ -40,7 +40,8 @@ pub(super) fn write(
     // The spectrum of each range says where; its power says how much.
     for (mut row, (covariance, _)) in map.outer_iter_mut().zip(&covariances) {
         let highest = row.iter().copied().filter(|x| !x.is_nan()).fold(f32::NEG_INFINITY, f32::max);
-        let power_db = 10.0 * covariance.packed.first().copied().unwrap_or(0.0).max(f32::MIN_POSITIVE).log10();
+        let power_db =
+            10.0 * covariance.packed.first().copied().unwrap_or(0.0).max(f32::MIN_POSITIVE).log10();
         row.mapv_inplace(|x| x - highest + power_db);
     }
     let gate = config.processing.gate;
@@ -91,8 +92,10 @@ fn liveliest(
         let power = maps.covariance().first().copied().unwrap_or(0.0) * made.moving_cells as f32;
         if power > most {
             most = power;
-            let bins = (0..usize::from(config.processing.gate.bins)).filter_map(|bin| maps.covariance_of(bin));
-            let covariance = |packed: &[f32]| Covariance { frame, antennas, packed: packed.iter().copied().collect() };
+            let bins =
+                (0..usize::from(config.processing.gate.bins)).filter_map(|bin| maps.covariance_of(bin));
+            let covariance =
+                |packed: &[f32]| Covariance { frame, antennas, packed: packed.iter().copied().collect() };
             found = Some((frame, bins.map(|(packed, cells)| (covariance(packed), cells)).collect()));
         }
         let done = (u64::from(frame) + 1) * u64::from(config.profile.frame_bytes());
