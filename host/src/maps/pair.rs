@@ -13,7 +13,7 @@ const MAX_CLIPPED: f32 = 1e-3;
 /// Share of chirps lost above which a frame's side lobes stand out: those of losses at random are at `p / (N (1 - p))` of an
 /// echo's power, N chirps. Up to here an echo 10 dB below the strongest one of its range keeps its level to within 3 dB (the
 /// stability case `frame-holes`).
-const MAX_CHIRPS_LOST: f32 = 0.2;
+const MAX_CHIRPS_LOST: f32 = 1.0 / 6.0;
 /// A range-time cell is a mean over more draws of noise than a range-Doppler cell, and has not the gain of the
 /// Doppler FFT: half as many decibels over the noise are as sure a sign.
 const TIME_RISE: f32 = 0.5;
