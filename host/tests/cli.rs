@@ -180,7 +180,7 @@ fn figures_of_recorded_reads() {
     }
     let degrees = |name: &str| found[name].as_f64().unwrap();
     assert!((degrees("phase_std_within_channel_deg") - 2.86).abs() < 0.01);
-    assert!((degrees("phase_std_after_correction_deg") - 3.69).abs() < 0.01);
+    assert!((degrees("phase_std_after_correction_deg") - 3.57).abs() < 0.01);
     assert!((degrees("intervals_valid_share") - 0.984).abs() < 0.001);
 }
 
