@@ -1,8 +1,10 @@
 //! The host's maps against a careful numpy + scipy pipeline (`tests/peers/pipeline.py`), interleaved in one run on one core:
 //!
 //! ```text
-//! cargo bench -p rfhoi --profile dev --bench pipeline
+//! cargo bench -p rfhoi --bench pipeline
 //! ```
+//!
+//! That is the build that users install. The dev profile has overflow checks, which make the raw samples' FFTs half as fast.
 //!
 //! Python with numpy and scipy is that of `target/venv`, or what `RFHOI_PYTHON` names; without it only ours is timed. The peer
 //! first checks that its maps are ours. Input is simulated: hands and a wall in noise, as words of the `paper` profile.

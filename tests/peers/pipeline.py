@@ -74,7 +74,7 @@ class Music:
         u = np.sin(angle)[None, :] * np.cos(angle)[:, None]
         w = np.broadcast_to(np.sin(angle)[:, None], u.shape)
         phase = -np.pi * (x[:, None] * u.reshape(1, -1) + y[:, None] * w.reshape(1, -1))
-        self.steering = np.exp(1j * phase).T.astype(np.complex64)
+        self.steering = np.exp(1j * phase).astype(np.complex64)
         self.n, self.snapshots, self.points = len(x), snapshots, points
         flipped = [(x.max() + x.min() - a, y.max() + y.min() - b) for a, b in zip(x, y)]
         self.opposite = [list(zip(x, y)).index(f) for f in flipped]
@@ -89,9 +89,11 @@ class Music:
             ratio = np.log(tail).mean() - np.log(tail.mean())
             costs.append(-self.snapshots * len(tail) * ratio + 0.5 * k * (2 * n - k) * np.log(self.snapshots))
         order = min(max(int(np.argmin(costs)), 1), 4)
-        signal = np.ascontiguousarray(vectors[:, n - order :].conj()).astype(np.complex64)
-        projected = (self.steering @ signal).view(np.float32)
-        within = np.einsum("ij,ij->i", projected, projected)
+        signal = np.ascontiguousarray(vectors[:, n - order :].conj().T).astype(np.complex64)
+        projected = signal @ self.steering
+        within = np.square(projected.real)
+        within += np.square(projected.imag)
+        within = within.sum(0)
         noise = np.maximum(n - within, np.float32(1e-6 * n))
         level = np.log10(noise, out=noise).reshape(self.points, self.points)
         level *= -10
