@@ -115,14 +115,16 @@ impl Traffic {
             self.read += 1;
             let now = time.after(REPORTED_US);
             let Self { uplink, packer, .. } = self;
-            let mut emit = |message: Message<'_>| {
-                uplink.send(now, message, |_, packet| {
+            let mut emit = |at: BridgeTime, message: Message<'_>| {
+                uplink.send(at, message, |_, packet| {
                     send(packet);
                     true
                 });
             };
-            packer.tick(now, &mut emit);
-            packer.push(now, read, &mut emit);
+            if let Some(due) = packer.deadline().filter(|due| *due <= now) {
+                packer.tick(due, |message| emit(due, message));
+            }
+            packer.push(now, read, |message| emit(now, message));
         }
     }
 

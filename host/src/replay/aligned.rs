@@ -49,11 +49,12 @@ pub(super) fn write(
     out: &Path,
     frames: &[AlignedFrame],
     stream: &FrameStream,
+    counts: StreamCounts,
 ) -> Result<(AlignedFigures, Vec<PathBuf>), ReplayError> {
     let points = frames.first().map_or(0, |frame| frame.points);
     let mut figures = AlignedFigures {
         points,
-        counts: stream.counts(),
+        counts,
         valid_maps: BTreeMap::new(),
         invalid_maps: BTreeMap::new(),
         valid_differences: 0,

@@ -27,7 +27,7 @@ use rfhoi_shared::units::{BridgeTime, Metres};
 use rfhoi_shared::wire::{DatagramCounts, FrameCounts, HopTable, Message, Stream};
 use serde::Serialize;
 
-use crate::align::{self, AlignError, AlignedFrame, FrameStream};
+use crate::align::{self, AlignError, AlignedFrame, FrameStream, StreamCounts};
 use crate::atomic::WriteError;
 use crate::detect::{DetectError, Format, detect};
 use crate::inspect::{InspectError, MAX_ROW, MAX_TLV_FRAME, ReadFigures};
@@ -177,9 +177,12 @@ impl<'m> Bridge<'m> {
 
     fn read(&mut self, now: BridgeTime, read: TagRead) {
         let Self { reads, uplink, receiver, .. } = self;
-        let mut emit = |m: Message<'_>| uplink.send(now, m, |_, packet| receiver.push(packet).is_ok());
-        reads.tick(now, &mut emit);
-        reads.push(now, read, &mut emit);
+        let mut emit = |at, m: Message<'_>| uplink.send(at, m, |_, packet| receiver.push(packet).is_ok());
+        // As a bridge's timer does, whenever the next read comes.
+        if let Some(due) = reads.deadline().filter(|due| *due <= now) {
+            reads.tick(due, |m| emit(due, m));
+        }
+        reads.push(now, read, |m| emit(now, m));
         self.collect();
     }
 
@@ -337,7 +340,8 @@ pub fn replay(
         Some(stream) => {
             stream.finish();
             bridge.aligned.extend(std::iter::from_fn(|| stream.next()));
-            let (figures, written) = aligned::write(out, &bridge.aligned, stream)?;
+            let counts = StreamCounts { link: bridge.receiver.counts(), ..stream.counts() };
+            let (figures, written) = aligned::write(out, &bridge.aligned, stream, counts)?;
             outputs.extend(written);
             Some(figures)
         }
