@@ -134,8 +134,14 @@ fn decades(low: f64, high: f64, most: i32) -> Vec<(f64, String)> {
         inside.map(|(v, power)| (v, label(v, (-power).max(0) as usize))).collect::<Vec<_>>()
     };
     let choices = [(&[1.0, 2.0, 5.0][..], 1), (&[1.0, 3.0], 1), (&[1.0], 1), (&[1.0], 2), (&[1.0], 4)];
-    let fits = choices.iter().map(|&(factors, step)| values(factors, step));
-    fits.clone().find(|ticks| ticks.len() as i32 <= most.max(2)).or_else(|| fits.last()).unwrap_or_default()
+    let mut ticks = Vec::new();
+    for (factors, step) in choices {
+        ticks = values(factors, step);
+        if ticks.len() as i32 <= most.max(2) {
+            break;
+        }
+    }
+    ticks
 }
 
 /// A tick's label: plain for usual sizes, with a power of ten for others.
