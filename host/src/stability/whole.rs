@@ -1,4 +1,4 @@
-//! Both radios together: clocks, losses, and extremes of a scene, through [`FrameStream`].
+//! Both radios together: clocks, losses, and extremes of a scene, through [`FrameStream`](crate::align::FrameStream).
 
 mod room;
 
