@@ -292,8 +292,14 @@ impl FrameStream {
             }
             return;
         };
-        while self.now >= grid.begin.after((self.waiting.len() as u64 + SILENCE) * self.period_us) {
-            self.miss();
+        let due = grid.begin.after((self.waiting.len() as u64 + SILENCE) * self.period_us);
+        let Some(late_us) = self.now.0.checked_sub(due.0) else { return };
+        let missing = late_us / self.period_us.max(1) + 1;
+        if missing > u64::from(LONGEST_GAP) {
+            // Nobody was there for long: nothing is made up for it.
+            self.flush();
+        } else {
+            (0..missing).for_each(|_| self.miss());
         }
     }
 

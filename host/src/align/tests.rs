@@ -142,6 +142,17 @@ fn frames_of_another_profile_are_told() {
 }
 
 #[test]
+fn a_clock_that_leaps_ahead_costs_nothing() {
+    let mut stream = stream();
+    stream.push_frame(&bare(0, 0));
+    stream.advance(BridgeTime(u64::MAX));
+    stream.push_reads(&[read(u64::MAX - 9, 0)], BridgeTime(u64::MAX));
+    stream.advance(BridgeTime(u64::MAX));
+    stream.finish();
+    assert!(taken(&mut stream).len() <= 2);
+}
+
+#[test]
 fn a_long_silence_is_not_filled() {
     let mut stream = stream();
     stream.push_frame(&bare(0, 0));
