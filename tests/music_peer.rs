@@ -12,7 +12,7 @@ use ndarray_npy::NpzReader;
 use num_complex::Complex32;
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
-use rfhoi::aoa::{Estimator, Method, Order, Settings, Subarray};
+use rfhoi::aoa::{Estimator, Method, Order, Settings, Subarray, hermitian};
 use rfhoi::npz::Npz;
 use rfhoi::replay::{Options, replay};
 use rfhoi::stability::angle::Scene;
@@ -141,15 +141,7 @@ fn unpacked(covariances: &[Covariance]) -> Array3<Complex32> {
     let n = usize::from(covariances[0].antennas);
     let mut all = Array3::zeros((covariances.len(), n, n));
     for (mut matrix, covariance) in all.outer_iter_mut().zip(covariances) {
-        let mut packed = covariance.packed.iter().copied();
-        let mut next = || packed.next().expect("whole");
-        for i in 0..n {
-            matrix[(i, i)] = next().into();
-            for j in i + 1..n {
-                matrix[(i, j)] = Complex32::new(next(), next());
-                matrix[(j, i)] = matrix[(i, j)].conj();
-            }
-        }
+        matrix.assign(&hermitian(covariance));
     }
     all
 }

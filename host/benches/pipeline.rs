@@ -18,8 +18,8 @@ use std::process::{Child, Command, Stdio};
 use std::time::Instant;
 
 use ndarray::{Array1, Array2};
-use num_complex::{Complex, Complex32};
-use rfhoi::aoa::{Estimator, Settings};
+use num_complex::Complex;
+use rfhoi::aoa::{Estimator, Settings, hermitian};
 use rfhoi::maps::raw::{RawFrame, RawMaps};
 use rfhoi::maps::{AngleSquare, MapPair};
 use rfhoi::npz::Npz;
@@ -146,7 +146,7 @@ impl Work for Raw {
         Npz::create(folder.join("ours.npz"))
             .and_then(|npz| npz.array("range_doppler", &rows(self.maps.range_doppler())))
             .and_then(|npz| npz.array("range_time", &rows(self.maps.range_time())))
-            .and_then(|npz| npz.array("covariance", &matrix(&self.covariance())))
+            .and_then(|npz| npz.array("covariance", &hermitian(&self.covariance())))
             .and_then(|npz| npz.array("cells", &Array1::from_elem(1, self.frame.moving_cells)))
             .and_then(|npz| npz.array("square_doppler", &squares[0]))
             .and_then(|npz| npz.array("square_time", &squares[1]))
@@ -205,7 +205,10 @@ impl Work for Packets {
             .and_then(|npz| npz.array("codes_doppler", &codes(&self.frame.range_doppler)))
             .and_then(|npz| npz.array("codes_time", &codes(&self.frame.range_time)))
             .and_then(|npz| {
-                npz.array("covariance", &matrix(self.frame.covariance.as_ref().expect("the frame is whole")))
+                npz.array(
+                    "covariance",
+                    &hermitian(self.frame.covariance.as_ref().expect("the frame is whole")),
+                )
             })
             .and_then(|npz| npz.array("square_doppler", &squares[0]))
             .and_then(|npz| npz.array("square_time", &squares[1]))
@@ -216,22 +219,6 @@ impl Work for Packets {
 
 fn square(values: &[f32], points: usize) -> Array2<f32> {
     Array2::from_shape_vec((points, points), values.to_vec()).expect("it is a square")
-}
-
-fn matrix(covariance: &Covariance) -> Array2<Complex32> {
-    let n = usize::from(covariance.antennas);
-    let mut packed = covariance.packed.iter();
-    let mut next = || packed.next().copied().unwrap_or(0.0);
-    let mut matrix = Array2::zeros((n, n));
-    for i in 0..n {
-        matrix[(i, i)] = Complex::new(next(), 0.0);
-        for j in i + 1..n {
-            let x = Complex::new(next(), next());
-            matrix[(i, j)] = x;
-            matrix[(j, i)] = x.conj();
-        }
-    }
-    matrix
 }
 
 fn write_case(folder: &Path, config: &RadarConfig, points: usize) {

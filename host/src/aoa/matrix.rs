@@ -1,6 +1,7 @@
 //! The covariance as the methods take it: unpacked, of the right array, scaled to unit power, averaged.
 
-use num_complex::Complex64;
+use ndarray::Array2;
+use num_complex::{Complex32, Complex64};
 use rfhoi_shared::radar::MAX_VIRTUAL;
 use rfhoi_shared::wire::Covariance;
 
@@ -9,6 +10,22 @@ use super::geometry::{Geometry, Matrix};
 
 /// Least mean power: below, parts of f32 numbers fall under its normal range.
 const LEAST_POWER: f64 = f32::MIN_POSITIVE as f64 / f32::EPSILON as f64;
+
+/// `covariance` as the Hermitian matrix that it packs; numbers that are not there are zero.
+pub fn hermitian(covariance: &Covariance) -> Array2<Complex32> {
+    let n = usize::from(covariance.antennas);
+    let mut packed = covariance.packed.iter();
+    let mut next = || packed.next().copied().unwrap_or(0.0);
+    let mut matrix = Array2::zeros((n, n));
+    for i in 0..n {
+        matrix[(i, i)] = Complex32::new(next(), 0.0);
+        for j in i + 1..n {
+            matrix[(i, j)] = Complex32::new(next(), next());
+            matrix[(j, i)] = matrix[(i, j)].conj();
+        }
+    }
+    matrix
+}
 
 /// Unpacks `covariance` with the signs of the antennas undone, divided by its mean power. Returns this power, or why it is no
 /// covariance of this array.

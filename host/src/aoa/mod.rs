@@ -47,6 +47,7 @@ mod tests;
 
 pub use doubt::Doubt;
 pub use estimate::{Direction, Estimate};
+pub use matrix::hermitian;
 pub use settings::{Guards, MAX_PEAKS, Method, Order, Settings, SettingsError, Subarray};
 
 use num_complex::Complex64;

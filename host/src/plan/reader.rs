@@ -130,9 +130,9 @@ mod tests {
 
     use super::*;
     use crate::simulate::effects::Effects;
+    use crate::simulate::rfid::tests::Still;
     use crate::simulate::rfid::{ReaderSession, Situation, simulate};
     use crate::simulate::scene;
-    use crate::simulate::{Capsule, Performance, Surface};
 
     #[test]
     fn a_reach_is_slow_at_its_ends() {
@@ -148,26 +148,6 @@ mod tests {
         assert_eq!([share_of_reach(0.0), share_of_reach(1.0), share_of_reach(2.0)], [0.0, 1.0, 1.0]);
     }
 
-    /// Nobody is there.
-    struct Nobody;
-
-    impl Performance for Nobody {
-        fn duration_s(&self) -> f64 {
-            0.0
-        }
-        fn surface(&self) -> &Surface {
-            unreachable!("the reader sees no surfaces")
-        }
-        fn vertices(&self, _: f64, _: &mut Vec<Vec3>) {}
-        fn tags(&self) -> usize {
-            0
-        }
-        fn tag(&self, _: usize, _: f64) -> Vec3 {
-            Vec3::ZERO
-        }
-        fn blockers(&self, _: f64, _: &mut Vec<Capsule>) {}
-    }
-
     /// Steps of all tags and antennas of a simulated reader, s.
     fn simulated(tags: usize, antennas: usize) -> Vec<f64> {
         let mut room = scene::Scene::named("open-room").unwrap();
@@ -177,7 +157,7 @@ mod tests {
         let session = ReaderSession::draw(antennas, tags, &effects, &mut rng);
         let situation = Situation {
             scene: &room,
-            performance: &Nobody,
+            performance: &Still(Vec::new()),
             // Near, so that all have power.
             position: &|tag, _| Vec3::new(0.02 * tag as f32, 1.0, 1.0),
             tags: &room.tags[..tags],

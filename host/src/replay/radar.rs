@@ -2,14 +2,14 @@
 
 use std::path::{Path, PathBuf};
 
-use ndarray::{Array1, Array2, Array3, ArrayView2, Axis as Dim, aview1};
+use ndarray::{Array1, Array2, Array3, ArrayView2, Axis as Dim};
 use num_complex::Complex32;
 use rfhoi_shared::config::RadarConfig;
 use rfhoi_shared::wire::Covariance;
 use serde::Serialize;
 
 use super::ReplayError;
-use crate::aoa::{Estimator, Method, Settings};
+use crate::aoa::{Estimator, Method, Settings, hermitian};
 use crate::npz::Npz;
 use crate::plot::{Axis, ColourScale, Figure, Heatmap, Lines, Panel, Reduce, Series, Style};
 use crate::receive::{HeatMap, RadarFrame};
@@ -335,15 +335,7 @@ fn covariances(frames: &[RadarFrame]) -> Option<Array3<Complex32>> {
         let Some(covariance) = frame.covariance.as_ref().filter(|c| usize::from(c.antennas) == n) else {
             continue;
         };
-        let mut packed = aview1(&covariance.packed).into_iter();
-        for i in 0..n {
-            matrix[(i, i)] = Complex32::new(packed.next().copied().unwrap_or(0.0), 0.0);
-            for j in i + 1..n {
-                let parts = [packed.next(), packed.next()].map(|p| p.copied().unwrap_or(0.0));
-                matrix[(i, j)] = Complex32::new(parts[0], parts[1]);
-                matrix[(j, i)] = matrix[(i, j)].conj();
-            }
-        }
+        matrix.assign(&hermitian(covariance));
     }
     Some(all)
 }

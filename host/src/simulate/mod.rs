@@ -24,7 +24,7 @@ pub mod body;
 pub mod cost;
 pub mod draw;
 pub mod effects;
-mod grasp;
+pub(crate) mod grasp;
 pub mod meshes;
 pub mod perform;
 mod performance;

@@ -16,6 +16,7 @@
 //! | [`whole`] | both radios together: clocks, and extremes of a scene |
 
 pub mod angle;
+mod hopping;
 pub mod radar;
 mod report;
 mod sweep;

@@ -48,4 +48,4 @@ fn normal(rng: &mut impl Rng) -> f64 {
 }
 
 #[cfg(test)]
-mod tests;
+pub(crate) mod tests;

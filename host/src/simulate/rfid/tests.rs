@@ -52,7 +52,7 @@ fn tags(count: usize) -> Vec<Tag> {
 }
 
 /// Nobody moves; these stand in the way.
-struct Still(Vec<Capsule>);
+pub(crate) struct Still(pub(crate) Vec<Capsule>);
 
 impl Performance for Still {
     fn duration_s(&self) -> f64 {

@@ -1,36 +1,28 @@
 //! Simulated reads of a tag that rests, is moved once, and rests again; and what is made of them.
 
-use std::f64::consts::{PI, TAU};
+use std::f64::consts::TAU;
 
 use rand::RngExt;
 use rand::seq::SliceRandom;
 use rand_chacha::ChaCha8Rng;
 use rand_distr::StandardNormal;
-use rfhoi_shared::tag::{Epc, TagRead};
-use rfhoi_shared::units::{AntennaPort, BridgeTime, CentiDbm, ChannelIndex, PhaseCode, SPEED_OF_LIGHT};
+use rfhoi_shared::tag::TagRead;
+use rfhoi_shared::units::{BridgeTime, ChannelIndex};
 
 use crate::phase::circular::wrap;
-use crate::phase::{ChannelPlan, PhaseFrames, PhasePipeline, Settings};
+use crate::phase::{PhaseFrames, PhasePipeline, Settings};
 use crate::stability::Trial;
+pub(super) use crate::stability::hopping::CHANNELS;
+use crate::stability::hopping::{
+    DWELL_US, EPOCH_US, FRAME_US, channel, place, radians_per_metre, reached, read, step_us,
+};
 
-/// Stay on a channel, us.
-const DWELL_US: u64 = 200_000;
-/// Every fifth channel of the FCC's 50: as wide a band, and all are visited in 2 s.
-pub(super) const CHANNELS: usize = 10;
-const CHANNEL_STEP: usize = 5;
-/// A frame of the radar, us.
-const FRAME_US: u64 = 100_000;
 /// After a frame's end until it is asked for, us: the time its packets take.
 const LAG_US: u64 = 20_000;
-/// The bridge's time when it begins, us.
-const EPOCH_US: u64 = 20_000_000;
-/// From then to the movement at the earliest, us: all channels are visited twice.
+/// From the beginning to the movement at the earliest, us: all channels are visited twice.
 const LEARNING_US: u64 = 4_400_000;
 /// Rest after the movement, us.
 const REST_US: u64 = 600_000;
-/// Phase codes come in steps of four, as an R420's.
-const CODE_STEP: f64 = 4.0;
-
 /// A reach with least jerk (Flash and Hogan, 1985) away from the antennas, and how it is read.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Reach {
@@ -67,7 +59,7 @@ pub(super) struct Reads {
 impl Reach {
     /// Draws channels, offsets, the moment and the reads.
     pub(super) fn draw(self, rng: &mut ChaCha8Rng) -> Reads {
-        let mut order: Vec<_> = (0..CHANNELS).map(|n| ChannelIndex((n * CHANNEL_STEP) as u16 + 1)).collect();
+        let mut order: Vec<_> = (0..CHANNELS).map(channel).collect();
         order.shuffle(rng);
         let offsets: Vec<f64> =
             (0..CHANNELS * usize::from(self.antennas)).map(|_| TAU * rng.random::<f64>()).collect();
@@ -75,54 +67,31 @@ impl Reach {
         // The peak of least jerk is 15/8 of the mean.
         let end = begin + (1.875 * self.metres / self.speed * 1e6) as u64;
         let mut reads = Reads { reads: Vec::new(), moves: (begin, end), reach: self, order };
-        let step_us = self.interval_s * 1e6 / f64::from(self.antennas);
-        let mut time_us = EPOCH_US as f64 + step_us * rng.random::<f64>();
+        let step = self.interval_s * 1e6 / f64::from(self.antennas);
+        let mut time_us = EPOCH_US as f64 + step * rng.random::<f64>();
         let mut turn = 0;
         while time_us < (end + REST_US) as f64 {
             let (time, antenna) = (time_us as u64, turn % usize::from(self.antennas));
-            let place = reads.place(time);
+            let place = place(time);
             let offset = offsets[antenna * CHANNELS + place];
             let phase = reads.radians_per_metre(place) * (1.5 + reads.metres(time))
                 + offset
                 + self.noise * rng.sample::<f64, _>(StandardNormal);
-            reads.reads.push((time, read(time, antenna, reads.order[place], phase)));
-            // A few per cent of jitter, as rounds have.
-            time_us += step_us * (1.0 + 0.03 * rng.sample::<f64, _>(StandardNormal)).max(0.5);
+            reads.reads.push((time, read(time, 0, antenna, reads.order[place], phase)));
+            time_us += step_us(step, rng);
             turn += 1;
         }
         reads
     }
 }
 
-fn read(time: u64, antenna: usize, channel: ChannelIndex, phase: f64) -> TagRead {
-    let steps = f64::from(PhaseCode::CODES_PER_TURN) / CODE_STEP;
-    let code = (phase / TAU).rem_euclid(1.0) * steps;
-    TagRead {
-        time: BridgeTime(time),
-        epc: Epc::new(&[0xe2, 0x80]).unwrap_or_default(),
-        antenna: AntennaPort(antenna as u16 + 1),
-        channel,
-        phase: Some(PhaseCode((code.round() * CODE_STEP) as u16 % PhaseCode::CODES_PER_TURN)),
-        rssi: CentiDbm(-5_000),
-        doppler: None,
-    }
-}
-
 impl Reads {
-    /// Place in the hop table at a time.
-    fn place(&self, time: u64) -> usize {
-        (time / DWELL_US) as usize % CHANNELS
-    }
-
     fn radians_per_metre(&self, place: usize) -> f64 {
-        let frequency = ChannelPlan::fcc().frequency(self.order[place]);
-        frequency.map_or(0.0, |f| 4.0 * PI * f64::from(f.0) * 1e3 / SPEED_OF_LIGHT)
+        radians_per_metre(self.order[place])
     }
 
     fn metres(&self, time: u64) -> f64 {
-        let (begin, end) = self.moves;
-        let t = (time.saturating_sub(begin) as f64 / (end - begin) as f64).min(1.0);
-        self.reach.metres * t * t * t * (10.0 - 15.0 * t + 6.0 * t * t)
+        self.reach.metres * reached(time, self.moves.0, self.moves.1)
     }
 
     /// By how much the phase truly turns between two times, rad.
@@ -130,7 +99,7 @@ impl Reads {
         let (mut at, mut turned) = (begin, 0.0);
         while at < end {
             let next = end.min((at / DWELL_US + 1) * DWELL_US);
-            turned += self.radians_per_metre(self.place(at)) * (self.metres(next) - self.metres(at));
+            turned += self.radians_per_metre(place(at)) * (self.metres(next) - self.metres(at));
             at = next;
         }
         turned

@@ -1,6 +1,6 @@
 //! A simulated room in a few numbers: an echo in noise, tags at rest of which one is moved, and the stream that sees them.
 
-use std::f64::consts::{PI, TAU};
+use std::f64::consts::TAU;
 
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
@@ -8,36 +8,29 @@ use rand_distr::{Exp1, StandardNormal};
 use rfhoi_firmware::dsp::level;
 use rfhoi_shared::config::{Processing, RadarConfig, RadarInput};
 use rfhoi_shared::radar::{RadarProfile, RangeGate};
-use rfhoi_shared::tag::{Epc, TagRead};
-use rfhoi_shared::units::{AntennaPort, BridgeTime, CentiDbm, ChannelIndex, PhaseCode, SPEED_OF_LIGHT};
+use rfhoi_shared::tag::TagRead;
+use rfhoi_shared::units::BridgeTime;
 use rfhoi_shared::wire::{Covariance, FrameInfo};
 
 use crate::align::{AlignedFrame, FrameStream, MapName, Settings};
-use crate::phase::ChannelPlan;
 use crate::phase::circular::wrap;
 use crate::receive::{HeatMap, RadarFrame};
 use crate::stability::Trial;
+use crate::stability::hopping::{
+    CHANNELS, EPOCH_US, FRAME_US, channel, epc, place, radians_per_metre, reached, read, step_us,
+};
 
-/// From frame to frame, us.
-pub(super) const PERIOD_US: u64 = 100_000;
-/// The bridge's time when the stream begins, us.
-const EPOCH_US: u64 = 20_000_000;
 /// From one read to the next, us: those of an R420 with one antenna.
 const READ_US: f64 = 14_000.0;
 /// From a read to its packet, us.
 const REPORTED_US: u64 = 4_000;
 /// From the begin of a frame to its packets, us.
 const PROCESSED_US: u64 = 60_000;
-/// Every fifth channel of the FCC's, a fifth of a second on each: all are visited in 2 s.
-const CHANNELS: usize = 10;
-const DWELL_US: u64 = 200_000;
 /// The movement: a cup put aside, with least jerk (Flash and Hogan 1985).
 const MOVED_M: f64 = 0.4;
 const MOVING_US: u64 = 800_000;
 /// Phase noise, rad.
 const NOISE: f64 = 0.1;
-/// Phase codes come in steps of four, as an R420's.
-const CODE_STEP: f64 = 4.0;
 /// Level of the radar's noise in a cell, dB relative to full scale.
 const NOISE_DB: f64 = -115.0;
 /// Virtual antennas over which a cell's power is the mean.
@@ -80,7 +73,7 @@ struct Read {
     time_us: u64,
     tag: usize,
     place: usize,
-    code: PhaseCode,
+    told: TagRead,
 }
 
 impl Room {
@@ -101,13 +94,12 @@ impl Room {
     }
 
     fn end_us(&self) -> u64 {
-        EPOCH_US + u64::from(self.frames) * PERIOD_US
+        EPOCH_US + u64::from(self.frames) * FRAME_US
     }
 
     fn metres(&self, time_us: u64) -> f64 {
         let begin = self.end_us() - self.rest_us - MOVING_US;
-        let t = (time_us.saturating_sub(begin) as f64 / MOVING_US as f64).min(1.0);
-        MOVED_M * t * t * t * (10.0 - 15.0 * t + 6.0 * t * t)
+        MOVED_M * reached(time_us, begin, begin + MOVING_US)
     }
 
     /// The tag that is moved: the last one that is seen.
@@ -121,7 +113,7 @@ impl Room {
         match self.asked {
             Asked::Last => last,
             Asked::Moving => {
-                let moving = ((self.rest_us + MOVING_US) / PERIOD_US) as u32;
+                let moving = ((self.rest_us + MOVING_US) / FRAME_US) as u32;
                 last.saturating_sub(rng.random_range(0..=moving))
             }
         }
@@ -129,8 +121,8 @@ impl Room {
 
     /// How far the moved tag truly goes in frame `number`, mm.
     fn truly_mm(&self, number: u32) -> f64 {
-        let begin = EPOCH_US + u64::from(number) * PERIOD_US;
-        1e3 * (self.metres(begin + PERIOD_US) - self.metres(begin))
+        let begin = EPOCH_US + u64::from(number) * FRAME_US;
+        1e3 * (self.metres(begin + FRAME_US) - self.metres(begin))
     }
 
     /// Reads in the order of time.
@@ -140,17 +132,15 @@ impl Room {
         let mut turn = 0;
         while self.tags > 0 && time_us < self.end_us() as f64 {
             let (time, tag) = (time_us as u64, turn % self.tags);
-            let place = (time / DWELL_US) as usize % CHANNELS;
+            let place = place(time);
             let moved = if tag == self.moved() { self.metres(time) } else { 0.0 };
             let noise = NOISE * rng.sample::<f64, _>(StandardNormal);
             // Every tag is at a place of its own.
             let path = 1.5 + 0.037 * tag as f64 + moved;
-            let phase = 2.0 * TAU * path / wavelength(place) + self.offsets[place] + noise;
-            let steps = f64::from(PhaseCode::CODES_PER_TURN) / CODE_STEP;
-            let code = ((phase / TAU).rem_euclid(1.0) * steps).round() * CODE_STEP;
-            let code = PhaseCode(code as u16 % PhaseCode::CODES_PER_TURN);
-            reads.push(Read { time_us: time, tag, place, code });
-            time_us += READ_US * (1.0 + 0.03 * rng.sample::<f64, _>(StandardNormal)).max(0.5);
+            let phase = radians_per_metre(channel(place)) * path + self.offsets[place] + noise;
+            let told = read(time, tag, 0, channel(place), phase);
+            reads.push(Read { time_us: time, tag, place, told });
+            time_us += step_us(READ_US, rng);
             turn += 1;
         }
         reads
@@ -158,7 +148,7 @@ impl Room {
 
     /// What the radar sends of frame `number`.
     fn radar(&self, number: u32, rng: &mut ChaCha8Rng) -> RadarFrame {
-        let time = BridgeTime(EPOCH_US + u64::from(number) * PERIOD_US);
+        let time = BridgeTime(EPOCH_US + u64::from(number) * FRAME_US);
         let mut map = |columns: u16, echo: &dyn Fn(u16, u16) -> bool, looks: usize| {
             let codes = (0..BINS).flat_map(|row| (0..columns).map(move |column| (row, column)));
             let codes = codes.map(|cell| {
@@ -212,8 +202,8 @@ impl Room {
         let mut kept = Vec::new();
         let last = u64::from(self.frames - 1);
         for step in 0..=last + 3 {
-            let begin = EPOCH_US + step * PERIOD_US;
-            for until in [begin + PROCESSED_US, begin + PERIOD_US] {
+            let begin = EPOCH_US + step * FRAME_US;
+            for until in [begin + PROCESSED_US, begin + FRAME_US] {
                 while let Some(read) = reads.next_if(|read| read.time_us + REPORTED_US <= until) {
                     let sent = BridgeTime(read.time_us + REPORTED_US);
                     stream.push_reads(&[self.report(read)], sent);
@@ -234,30 +224,22 @@ impl Room {
 
     /// A read as the bridge tells of it.
     fn report(&self, read: &Read) -> TagRead {
-        TagRead {
-            time: BridgeTime(read.time_us.saturating_add_signed(self.late_us)),
-            epc: epc(read.tag),
-            antenna: AntennaPort(1),
-            channel: channel(read.place),
-            phase: Some(read.code),
-            rssi: CentiDbm(-5_000),
-            doppler: None,
-        }
+        TagRead { time: BridgeTime(read.time_us.saturating_add_signed(self.late_us)), ..read.told.clone() }
     }
 
     /// How far the moved tag goes in frame `number` by the nearest reads and their difference, mm: the plain way.
     fn nearest_mm(&self, reads: &[Read], number: u32) -> f64 {
-        let begin = EPOCH_US + u64::from(number) * PERIOD_US;
+        let begin = EPOCH_US + u64::from(number) * FRAME_US;
         let phase = |at: u64| {
             let of_tag = reads.iter().filter(|read| read.tag == self.moved());
             let stamp = |read: &Read| read.time_us.saturating_add_signed(self.late_us);
             let nearest = of_tag.min_by_key(|read| stamp(read).abs_diff(at))?;
             // Its channels' offsets are known beforehand, better than any can be learnt.
             let still = self.offsets[nearest.place]
-                + 2.0 * TAU * (1.5 + 0.037 * nearest.tag as f64) / wavelength(nearest.place);
-            Some(f64::from(nearest.code.radians()) - still)
+                + radians_per_metre(channel(nearest.place)) * (1.5 + 0.037 * nearest.tag as f64);
+            Some(f64::from(nearest.told.phase?.radians()) - still)
         };
-        let turned = phase(begin).zip(phase(begin + PERIOD_US)).map_or(0.0, |(from, to)| wrap(to - from));
+        let turned = phase(begin).zip(phase(begin + FRAME_US)).map_or(0.0, |(from, to)| wrap(to - from));
         millimetres(turned)
     }
 
@@ -349,20 +331,7 @@ fn config() -> RadarConfig {
     RadarConfig { profile, input: RadarInput::Uart, processing }
 }
 
-fn channel(place: usize) -> ChannelIndex {
-    ChannelIndex((place * 5) as u16 + 1)
-}
-
-fn wavelength(place: usize) -> f64 {
-    let frequency = ChannelPlan::fcc().frequency(channel(place)).map_or(1.0, |f| f64::from(f.0) * 1e3);
-    SPEED_OF_LIGHT / frequency
-}
-
 /// A turn of the phase as a change of the path, mm, in the middle of the band.
 fn millimetres(turned: f64) -> f64 {
-    turned * wavelength(CHANNELS / 2) * 1e3 / (4.0 * PI)
-}
-
-fn epc(tag: usize) -> Epc {
-    Epc::new(&[0xe2, 0x80, tag as u8]).unwrap_or_default()
+    turned * 1e3 / radians_per_metre(channel(CHANNELS / 2))
 }
