@@ -1,0 +1,11 @@
+//! The fusion network of RF-HOI: which action, on which of the tags that are present.
+//!
+//! ```text
+//! frame --maps, scalars--> [map encoders] --> radar token --+--(all frames)--> [temporal] --> pool --+
+//!       --reads, by tag--> [phase encoder] -> tag token ----+--(all frames)--> [temporal] --> pool --+--> [fusion] --> action
+//! names -----------------> [name projection] ------------------------------------------------------ +             +--> target
+//! ```
+//!
+//! * [`sample`]: what goes in and comes out, by shape and unit.
+
+pub mod sample;
