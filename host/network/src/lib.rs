@@ -7,5 +7,19 @@
 //! ```
 //!
 //! * [`sample`]: what goes in and comes out, by shape and unit.
+//! * [`config`]: the shape of a network.
+//! * [`network`]: the network as Burn modules, [`model`]: as a file.
+//! * [`execute`]: the network without Burn, in int8.
+//! * [`metrics`]: how good answers are.
+//! * `train`, with the feature of that name: training.
 
+pub mod config;
+// pub mod execute;
+pub mod metrics;
+pub mod model;
+pub mod network;
+mod positions;
+mod probability;
 pub mod sample;
+#[cfg(feature = "train")]
+pub mod train;

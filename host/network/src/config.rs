@@ -1,0 +1,287 @@
+//! The shape of a network, as a file says it.
+
+use serde::{Deserialize, Serialize};
+
+use crate::sample::{MAPS, MAX_ANTENNAS, READ_CHANNELS};
+
+/// Slope of LeakyReLU below 0: PyTorch's default, which the paper's network has.
+pub const LEAK: f64 = 0.01;
+/// Of layer normalisation: PyTorch's default.
+pub const EPSILON: f64 = 1e-5;
+
+/// Shape of a network. All that decides how many weights there are and how they are connected.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct NetworkConfig {
+    /// Points of a map each way, N_map.
+    pub points: usize,
+    /// Which maps are looked at: range-time, range-Doppler, angle.
+    pub maps: [bool; MAPS],
+    /// Reader antennas; reads of fewer count as not read.
+    pub antennas: usize,
+    /// Dimensions of a name's vector, N_embed.
+    pub name_dimensions: usize,
+    /// How a map becomes features.
+    pub encoder: Encoder,
+    /// The radar's branch, N_dim^M wide.
+    pub radar: Branch,
+    /// The tags' branch, N_dim^R wide; each tag goes through it by itself.
+    pub tags: Branch,
+    /// What the two heads see.
+    pub fusion: Fusion,
+    /// Share of values left out while training.
+    pub dropout: f64,
+}
+
+/// From maps to features.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Encoder {
+    /// Two 3 x 3 convolutions and a max-pool for each map (section 3.3.2 of the paper).
+    Convolutions {
+        /// Channels after each.
+        channels: [usize; 2],
+        /// Stride of the first.
+        stride: usize,
+        /// Size of the pool.
+        pool: usize,
+    },
+    /// The same for the other maps, and in place of the angle map the power of learnt beams on the complex covariance: what
+    /// CubeLearn does to the Fourier transforms, done to the array's.
+    Beams {
+        /// Channels after each convolution.
+        channels: [usize; 2],
+        /// Stride of the first.
+        stride: usize,
+        /// Size of the pool.
+        pool: usize,
+        /// Virtual antennas.
+        antennas: usize,
+        /// Beams.
+        beams: usize,
+    },
+}
+
+/// One branch's features over time.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Branch {
+    /// Width of a token.
+    pub width: usize,
+    /// Layers.
+    pub layers: usize,
+    /// Heads of attention.
+    pub heads: usize,
+    /// Width inside a layer's feed-forward part.
+    pub feed_forward: usize,
+    /// Frames of a token.
+    pub stack: usize,
+    /// How tokens see each other.
+    pub temporal: Temporal,
+}
+
+/// How tokens see each other.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Temporal {
+    /// Transformer encoder layers on sinusoidal positions (section 3.3.3).
+    Transformer,
+    /// Residual convolutions over time, as XRF55's network has them.
+    Convolution,
+}
+
+/// What the heads see.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Fusion {
+    /// Both branches side by side (section 3.3.4).
+    Concat,
+    /// The action from the radar alone, the target from the tags alone.
+    None,
+    /// Tags alone.
+    Rfid,
+    /// Radar alone.
+    Radar,
+    /// The radar scales and shifts the tags' features (FiLM).
+    Film,
+    /// Tags look at the radar's tokens, the radar at the tags.
+    Attention,
+}
+
+impl Fusion {
+    /// Whether the radar is looked at.
+    pub fn has_radar(self) -> bool {
+        self != Self::Rfid
+    }
+
+    /// Whether the tags are looked at.
+    pub fn has_tags(self) -> bool {
+        self != Self::Radar
+    }
+}
+
+/// Why there is no such network.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+pub enum ConfigError {
+    /// Heads that do not divide the width.
+    #[error("{branch}: a width of {width} does not split into {heads} heads")]
+    Heads {
+        /// Which branch.
+        branch: &'static str,
+        /// Its width.
+        width: usize,
+        /// Its heads.
+        heads: usize,
+    },
+    /// A size that must be in a range.
+    #[error("{what} is {given}, it must be {least} to {most}")]
+    Range {
+        /// What.
+        what: &'static str,
+        /// As given.
+        given: usize,
+        /// At least.
+        least: usize,
+        /// At most.
+        most: usize,
+    },
+    /// Maps that do not divide.
+    #[error("maps of {points} points do not divide by a stride of {stride} and a pool of {pool}")]
+    Pool {
+        /// Points.
+        points: usize,
+        /// Stride.
+        stride: usize,
+        /// Pool.
+        pool: usize,
+    },
+}
+
+impl NetworkConfig {
+    /// The paper's network: maps of 256 points, one channel, 1024 and 128 wide, three layers, two heads (section 4.4). Its
+    /// pool and feed-forward widths are not given there; PyTorch's default of 2048, and a pool that leaves 32 x 32.
+    pub fn paper(name_dimensions: usize) -> Self {
+        Self {
+            points: 256,
+            maps: [true; MAPS],
+            antennas: MAX_ANTENNAS,
+            name_dimensions,
+            encoder: Encoder::Convolutions { channels: [1, 1], stride: 1, pool: 8 },
+            radar: Branch {
+                width: 1024,
+                layers: 3,
+                heads: 2,
+                feed_forward: 2048,
+                stack: 1,
+                temporal: Temporal::Transformer,
+            },
+            tags: Branch {
+                width: 128,
+                layers: 3,
+                heads: 2,
+                feed_forward: 2048,
+                stack: 1,
+                temporal: Temporal::Transformer,
+            },
+            fusion: Fusion::Concat,
+            dropout: 0.1,
+        }
+    }
+
+    /// The network that ships.
+    pub fn small(name_dimensions: usize) -> Self {
+        let branch = |width, layers, stack| Branch {
+            width,
+            layers,
+            heads: 2,
+            feed_forward: 2 * width,
+            stack,
+            temporal: Temporal::Transformer,
+        };
+        Self {
+            points: 32,
+            maps: [true; MAPS],
+            antennas: MAX_ANTENNAS,
+            name_dimensions,
+            encoder: Encoder::Convolutions { channels: [4, 8], stride: 2, pool: 2 },
+            radar: branch(64, 2, 1),
+            tags: branch(64, 2, 2),
+            fusion: Fusion::Concat,
+            dropout: 0.1,
+        }
+    }
+
+    /// Checks that such a network can be.
+    ///
+    /// # Errors
+    /// What does not fit.
+    pub fn check(&self) -> Result<(), ConfigError> {
+        let range = |what, given, least, most| match (least..=most).contains(&given) {
+            true => Ok(()),
+            false => Err(ConfigError::Range { what, given, least, most }),
+        };
+        range("points", self.points, 8, 256)?;
+        range("antennas", self.antennas, 1, MAX_ANTENNAS)?;
+        range("name_dimensions", self.name_dimensions, 1, 1024)?;
+        for (name, branch) in [("radar", self.radar), ("tags", self.tags)] {
+            range("width", branch.width, 4, 4096)?;
+            range("layers", branch.layers, 1, 12)?;
+            range("feed_forward", branch.feed_forward, 4, 16_384)?;
+            range("stack", branch.stack, 1, 16)?;
+            if branch.heads == 0 || branch.width % (2 * branch.heads) != 0 {
+                return Err(ConfigError::Heads { branch: name, width: branch.width, heads: branch.heads });
+            }
+        }
+        let (channels, stride, pool) = self.encoder.convolutions();
+        range("channels", channels[0], 1, 256)?;
+        range("channels", channels[1], 1, 256)?;
+        range("stride", stride, 1, 8)?;
+        range("pool", pool, 1, 64)?;
+        if !self.points.is_multiple_of(stride * pool) {
+            return Err(ConfigError::Pool { points: self.points, stride, pool });
+        }
+        if let Encoder::Beams { antennas, beams, .. } = self.encoder {
+            range("virtual antennas", antennas, 2, 64)?;
+            range("beams", beams, 1, 4096)?;
+        }
+        Ok(())
+    }
+
+    /// Places of the maps that go through convolutions.
+    pub fn convolved(&self) -> impl Iterator<Item = usize> + use<> {
+        let beams = matches!(self.encoder, Encoder::Beams { .. });
+        let maps = self.maps;
+        (0..MAPS).filter(move |&map| maps[map] && !(beams && map == MAPS - 1))
+    }
+
+    /// Features of one map after its pool.
+    pub fn map_features(&self) -> usize {
+        let (channels, stride, pool) = self.encoder.convolutions();
+        let side = self.points / stride / pool;
+        channels[1] * side * side
+    }
+
+    /// Values of one token of a tag before its encoder.
+    pub fn read_features(&self) -> usize {
+        self.tags.stack * self.antennas * READ_CHANNELS
+    }
+}
+
+impl Encoder {
+    /// Channels, stride and pool of the convolutions.
+    pub fn convolutions(self) -> ([usize; 2], usize, usize) {
+        match self {
+            Self::Convolutions { channels, stride, pool } | Self::Beams { channels, stride, pool, .. } => {
+                (channels, stride, pool)
+            }
+        }
+    }
+
+    /// Beams, if they are learnt.
+    pub fn beams(self) -> Option<(usize, usize)> {
+        match self {
+            Self::Beams { antennas, beams, .. } => Some((antennas, beams)),
+            Self::Convolutions { .. } => None,
+        }
+    }
+}

@@ -1,0 +1,120 @@
+//! From the maps of a frame to its token (section 3.3.2 of the paper).
+
+use burn::module::{Module, Param};
+use burn::nn::conv::{Conv2d, Conv2dConfig};
+use burn::nn::pool::{MaxPool2d, MaxPool2dConfig};
+use burn::nn::{Linear, PaddingConfig2d};
+use burn::tensor::activation::leaky_relu;
+use burn::tensor::{Device, Distribution, Tensor};
+
+use super::batch::FrameTensors;
+use super::linear;
+use crate::config::{LEAK, NetworkConfig};
+use crate::sample::SCALARS;
+
+/// Two convolutions and a pool for each map, then two dense layers over all of them and the frame's scalars.
+#[derive(Module, Debug)]
+pub(super) struct RadarEncoder {
+    maps: Vec<MapEncoder>,
+    beams: Option<Beams>,
+    first: Linear,
+    second: Linear,
+}
+
+#[derive(Module, Debug)]
+pub(super) struct MapEncoder {
+    first: Conv2d,
+    second: Conv2d,
+    pool: MaxPool2d,
+}
+
+impl RadarEncoder {
+    pub(super) fn new(config: &NetworkConfig, device: &Device) -> Self {
+        let maps: Vec<_> = config.convolved().map(|_| MapEncoder::new(config, device)).collect();
+        let beams = config.encoder.beams().filter(|_| config.maps[config.maps.len() - 1]);
+        let features =
+            maps.len() * config.map_features() + beams.map_or(0, |(_, beams)| beams) + SCALARS;
+        let width = config.radar.width;
+        Self {
+            maps,
+            beams: beams.map(|(antennas, beams)| Beams::new(antennas, beams, device)),
+            first: linear(features, width, device),
+            second: linear(width, width, device),
+        }
+    }
+
+    /// `[N, W]`.
+    pub(super) fn forward(&self, frames: &FrameTensors) -> Tensor<2> {
+        let convolved = self.maps.iter().zip(&frames.maps).map(|(encoder, map)| encoder.forward(map.clone()));
+        let mut features: Vec<Tensor<2>> = convolved.collect();
+        if let (Some(beams), Some(covariance)) = (&self.beams, &frames.covariance) {
+            features.push(beams.forward(covariance.clone()));
+        }
+        features.push(frames.scalars.clone());
+        let joined = leaky_relu(self.first.forward(Tensor::cat(features, 1)), LEAK);
+        self.second.forward(joined)
+    }
+}
+
+impl MapEncoder {
+    fn new(config: &NetworkConfig, device: &Device) -> Self {
+        let (channels, stride, pool) = config.encoder.convolutions();
+        let convolution = |from, to, stride| {
+            Conv2dConfig::new([from, to], [3, 3])
+                .with_stride([stride, stride])
+                .with_padding(PaddingConfig2d::Explicit(1, 1, 1, 1))
+                .init(device)
+        };
+        Self {
+            first: convolution(1, channels[0], stride),
+            second: convolution(channels[0], channels[1], 1),
+            pool: MaxPool2dConfig::new([pool, pool]).with_strides([pool, pool]).init(),
+        }
+    }
+
+    /// `[N, 1, P, P]` to `[N, features]`.
+    fn forward(&self, map: Tensor<4>) -> Tensor<2> {
+        let inner = leaky_relu(self.first.forward(map), LEAK);
+        let inner = leaky_relu(self.second.forward(inner), LEAK);
+        self.pool.forward(inner).flatten(1, 3)
+    }
+}
+
+/// Power of learnt beams, as decibels over the mean of the elements: log(1 + w^H R w), with R the covariance over the mean of
+/// its diagonal.
+#[derive(Module, Debug)]
+pub(super) struct Beams {
+    /// Real and imaginary parts of the beams' weights, `[beams, N]`.
+    re: Param<Tensor<2>>,
+    im: Param<Tensor<2>>,
+}
+
+impl Beams {
+    fn new(antennas: usize, beams: usize, device: &Device) -> Self {
+        let spread = Distribution::Normal(0.0, (0.5 / antennas as f64).sqrt());
+        let draw = || Param::from_tensor(Tensor::random([beams, antennas], spread, device));
+        Self { re: draw(), im: draw() }
+    }
+
+    /// `[N, antennas^2]` to `[N, beams]`.
+    fn forward(&self, covariance: Tensor<2>) -> Tensor<2> {
+        let (re, im) = (self.re.val(), self.im.val());
+        let [_, antennas] = re.dims();
+        let column = |of: &Tensor<2>, n: usize| of.clone().narrow(1, n, 1);
+        // Rows of the triangle as the wire has them: diagonal, then re and im of each pair.
+        let mut weights: Vec<Tensor<2>> = Vec::with_capacity(antennas * antennas);
+        for m in 0..antennas {
+            weights.push(column(&re, m).powi_scalar(2) + column(&im, m).powi_scalar(2));
+        }
+        for m in 0..antennas {
+            for n in m + 1..antennas {
+                let (mr, mi) = (column(&re, m), column(&im, m));
+                let (nr, ni) = (column(&re, n), column(&im, n));
+                weights.push((mr.clone() * nr.clone() + mi.clone() * ni.clone()).mul_scalar(2.0));
+                weights.push((mi * nr - mr * ni).mul_scalar(2.0));
+            }
+        }
+        let weights = Tensor::cat(weights, 1);
+        covariance.matmul(weights.transpose()).clamp_min(0.0).log1p()
+    }
+}
