@@ -115,7 +115,9 @@ fn floats(count: usize) -> Vec<f32> {
 fn layer(name: &str, rows: usize, shapes: &[(usize, usize)]) -> Case {
     let mut products: Vec<_> = shapes
         .iter()
-        .map(|&(k, n)| (codes(rows * k), Packed::new(k, n, &weights(k * n)), vec![1e-3; n], floats(n), vec![0; rows * n]))
+        .map(|&(k, n)| {
+            (codes(rows * k), Packed::new(k, n, &weights(k * n)), vec![1e-3; n], floats(n), vec![0; rows * n])
+        })
         .collect();
     let run = move |kernels: &Kernels| {
         for (input, weights, scale, bias, out) in &mut products {
@@ -130,7 +132,10 @@ fn layer(name: &str, rows: usize, shapes: &[(usize, usize)]) -> Case {
 /// The shipped network's encoder: 32 x 32, one channel to four and to eight, stride 2 each.
 fn small_maps() -> Case {
     let shapes = [(1, 32, 4), (4, 16, 8)].map(|(channels, width, outputs)| {
-        (ConvShape { channels, height: width, width, stride: 2 }, PackedConv::new(outputs, channels, &weights(outputs * channels * 9)))
+        (
+            ConvShape { channels, height: width, width, stride: 2 },
+            PackedConv::new(outputs, channels, &weights(outputs * channels * 9)),
+        )
     });
     let products = 16 * 16 * 4 * 9 + 8 * 8 * 8 * 36;
     let input = codes(32 * 32);
@@ -166,13 +171,22 @@ fn attention(width: usize, rows: usize) -> Case {
     let run = move |kernels: &Kernels| {
         kernels.attention(black_box(&qkv), rows, 2, &mut scratch, Out::U8(&mut out, QUANT));
     };
-    Case { name: format!("attention of {width}, {rows} rows"), products: 2 * rows * rows * width, run: Box::new(run) }
+    Case {
+        name: format!("attention of {width}, {rows} rows"),
+        products: 2 * rows * rows * width,
+        run: Box::new(run),
+    }
 }
 
 fn norm(width: usize, rows: usize) -> Case {
-    let (input, gamma, beta, mut out) = (floats(rows * width), floats(width), floats(width), vec![0; rows * width]);
+    let (input, gamma, beta, mut out) =
+        (floats(rows * width), floats(width), floats(width), vec![0; rows * width]);
     let run = move |kernels: &Kernels| {
         kernels.layer_norm(black_box(&input), width, &gamma, &beta, 1e-5, Out::U8(&mut out, QUANT));
     };
-    Case { name: format!("layer norm of {width}, {rows} rows"), products: 3 * rows * width, run: Box::new(run) }
+    Case {
+        name: format!("layer norm of {width}, {rows} rows"),
+        products: 3 * rows * width,
+        run: Box::new(run),
+    }
 }

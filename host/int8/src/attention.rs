@@ -1,7 +1,7 @@
 //! Attention of all rows to all rows, head by head, in floats: `softmax(q k^T / sqrt(d)) v`.
 
 use crate::isa::{Isa, LANES, Work};
-use crate::lanes::{Lanes, exp};
+use crate::lanes::{exp, greatest, sum};
 use crate::out::Sink;
 
 /// Rows of queries at once: with two groups of lanes, eight sums that do not wait for each other.
@@ -30,13 +30,13 @@ pub(crate) fn scratch(rows: usize, width: usize, heads: usize) -> usize {
 
 impl Work for Attention<'_> {
     #[inline(always)]
-    fn run<I: Isa>(self, _: I) {
+    fn run<I: Isa>(self, isa: I) {
         let (rows, width) = (self.rows, self.width);
         let d = width / self.heads;
         let (columns, depth) = (rows.next_multiple_of(BLOCK), d.next_multiple_of(BLOCK));
         let (keys, scratch) = self.scratch.split_at_mut(d * columns);
         let (values, scores) = scratch.split_at_mut(rows * depth);
-        let scale = Lanes::splat(1.0 / (d as f32).sqrt());
+        let scale = isa.splat(1.0 / (d as f32).sqrt());
         for head in 0..self.heads {
             let (q, k, v) = (head * d, width + head * d, 2 * width + head * d);
             for (row, tokens) in self.qkv.chunks_exact(3 * width).enumerate() {
@@ -52,13 +52,18 @@ impl Work for Attention<'_> {
                     let row = (start + offset).min(rows - 1);
                     *query = &self.qkv[row * 3 * width + q..][..d];
                 }
-                product(&queries, keys, columns, |offset, column, sums| {
-                    let at = (start + offset) * columns + column;
-                    scores[at..][..LANES].copy_from_slice(&sums.multiply(scale).0);
-                });
+                for column in (0..columns).step_by(BLOCK) {
+                    let sums = product(isa, &queries, keys, columns, column);
+                    for (offset, sums) in sums.into_iter().enumerate() {
+                        let to = &mut scores[(start + offset) * columns + column..][..BLOCK];
+                        for (to, sums) in to.as_chunks_mut().0.iter_mut().zip(sums) {
+                            *to = isa.store(isa.multiply(sums, scale));
+                        }
+                    }
+                }
             }
             for scores in scores.chunks_exact_mut(columns).take(rows) {
-                softmax(scores, rows);
+                softmax(isa, scores, rows);
             }
             for start in (0..rows).step_by(QUERIES) {
                 let mut shares: [&[f32]; QUERIES] = [&[]; QUERIES];
@@ -66,64 +71,66 @@ impl Work for Attention<'_> {
                     let row = (start + offset).min(rows - 1);
                     *share = &scores[row * columns..][..rows];
                 }
-                product(&shares, values, depth, |offset, column, sums| {
-                    let row = start + offset;
-                    if row < rows && column < d {
-                        let count = LANES.min(d - column);
-                        // SAFETY: one thread runs all of it.
-                        unsafe { self.sink.store(row * width + q + column, &sums, count) };
+                for block in (0..depth).step_by(BLOCK) {
+                    let sums = product(isa, &shares, values, depth, block);
+                    for (row, sums) in (start..rows).zip(sums) {
+                        for (column, sums) in (block..d).step_by(LANES).zip(sums) {
+                            let count = LANES.min(d - column);
+                            // SAFETY: one thread runs all of it.
+                            unsafe { self.sink.store(isa, row * width + q + column, sums, count) };
+                        }
                     }
-                });
+                }
             }
         }
     }
 }
 
-/// `a`, rows of k numbers, by `b`, `[k][columns]`; a row's number, a column and the sums from there on go to `put`.
+/// Rows of k numbers by `b`, `[k][columns]`: of each row a block of columns, from `column` on.
 #[inline(always)]
-fn product(a: &[&[f32]; QUERIES], b: &[f32], columns: usize, mut put: impl FnMut(usize, usize, Lanes)) {
-    let k = a[0].len();
-    let mut rows: [&[f32]; QUERIES] = [&[]; QUERIES];
-    for (row, a) in rows.iter_mut().zip(a) {
-        *row = &a[..k];
+fn product<I: Isa>(
+    isa: I,
+    rows: &[&[f32]; QUERIES],
+    b: &[f32],
+    columns: usize,
+    column: usize,
+) -> [[I::Floats; GROUPS]; QUERIES] {
+    let k = rows[0].len();
+    let mut a: [&[f32]; QUERIES] = [&[]; QUERIES];
+    for (a, row) in a.iter_mut().zip(rows) {
+        *a = &row[..k];
     }
-    for column in (0..columns).step_by(BLOCK) {
-        let mut sums = [[Lanes::ZERO; GROUPS]; QUERIES];
-        for (at, b) in b.chunks_exact(columns).take(k).enumerate() {
-            let b = &b[column..][..BLOCK];
-            for (sums, row) in sums.iter_mut().zip(&rows) {
-                let a = Lanes::splat(row[at]);
-                for (sums, b) in sums.iter_mut().zip(b.chunks_exact(LANES)) {
-                    *sums = sums.add(a.multiply(Lanes::load(b, 0.0)));
-                }
+    let mut sums = [[isa.splat(0.0); GROUPS]; QUERIES];
+    for (at, b) in b.chunks_exact(columns).take(k).enumerate() {
+        let b: &[[f32; LANES]; GROUPS] = b[column..][..BLOCK].as_chunks().0.as_array().expect("a block");
+        for row in 0..QUERIES {
+            let a = isa.splat(a[row][at]);
+            for group in 0..GROUPS {
+                sums[row][group] = isa.add(sums[row][group], isa.multiply(a, isa.floats(&b[group])));
             }
         }
-        for (row, sums) in sums.iter().enumerate() {
-            for (group, sums) in sums.iter().enumerate() {
-                put(row, column + group * LANES, *sums);
-            }
-        }
     }
+    sums
 }
 
 /// Of the first `count` scores, in place; what is beyond becomes 0.
 #[inline(always)]
-fn softmax(scores: &mut [f32], count: usize) {
+fn softmax<I: Isa>(isa: I, scores: &mut [f32], count: usize) {
     scores[count..].fill(f32::NEG_INFINITY);
-    let mut greatest = Lanes::splat(f32::NEG_INFINITY);
-    for group in scores.chunks_exact(LANES) {
-        greatest = greatest.max(Lanes::load(group, 0.0));
+    let groups = scores.as_chunks_mut::<LANES>().0;
+    let mut most = isa.splat(f32::NEG_INFINITY);
+    for group in &*groups {
+        most = isa.max(isa.floats(group), most);
     }
-    let greatest = Lanes::splat(greatest.greatest());
-    let mut sums = Lanes::ZERO;
-    for group in scores.chunks_exact_mut(LANES) {
-        let power = exp(&Lanes::load(group, 0.0).subtract(greatest));
-        sums = sums.add(power);
-        group.copy_from_slice(&power.0);
+    let most = isa.splat(greatest(isa, most));
+    let mut sums = isa.splat(0.0);
+    for group in &mut *groups {
+        let power = exp(isa, isa.subtract(isa.floats(group), most));
+        sums = isa.add(sums, power);
+        *group = isa.store(power);
     }
-    let share = Lanes::splat(1.0 / sums.sum());
-    for group in scores.chunks_exact_mut(LANES) {
-        let share = Lanes::load(group, 0.0).multiply(share);
-        group.copy_from_slice(&share.0);
+    let share = isa.splat(1.0 / sum(isa, sums));
+    for group in groups {
+        *group = isa.store(isa.multiply(isa.floats(group), share));
     }
 }

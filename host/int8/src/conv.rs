@@ -18,8 +18,8 @@
 use std::cell::RefCell;
 
 use crate::isa::{Isa, LANES, QUAD, Quads, Work};
-use crate::lanes::{Lanes, quantise};
-use crate::out::{Affine, Quant};
+use crate::lanes::quantise;
+use crate::out::{Affine, Quant, affine};
 use crate::pack::PackedConv;
 
 /// Bytes of a register.
@@ -106,33 +106,31 @@ impl Conv<'_> {
         let (height, width) = self.shape.output();
         let pitch = self.shape.pitch();
         let plane = (self.shape.height + 2) * pitch;
+        let leak = isa.splat(self.affine.leak);
         for output in 0..self.weights.outputs() {
             let weights = self.weights.rows(output).as_chunks::<3>().0;
-            let (scale, bias) =
-                (Lanes::splat(self.affine.scale[output]), Lanes::splat(self.affine.bias[output]));
+            let (scale, bias) = (isa.splat(self.affine.scale[output]), isa.splat(self.affine.bias[output]));
             for row in 0..height {
                 let out = &mut self.out[(output * height + row) * width..][..width];
                 for (block, out) in out.chunks_mut(LANES * PHASES).enumerate() {
-                    let mut sums = [isa.zero(); PHASES];
+                    let mut sums = [isa.splat_ints(0); PHASES];
                     for (plane, weights) in bordered.chunks_exact(plane).zip(weights) {
                         let rows = &plane[row * stride * pitch + block * BYTES..];
                         for (y, &quad) in weights.iter().enumerate() {
-                            let quad = isa.splat(quad);
+                            let quad = isa.splat_bytes(quad);
                             let pixels = &rows[y * pitch..][..BYTES + QUAD];
                             for (phase, sums) in sums.iter_mut().enumerate() {
                                 let pixels = quads(&pixels[phase * stride..][..BYTES]);
-                                *sums = isa.dot(*sums, isa.load(pixels), quad);
+                                *sums = isa.dot(*sums, isa.bytes(pixels), quad);
                             }
                         }
                     }
-                    let mut codes = [0u32; LANES];
+                    let mut codes = isa.splat_ints(0);
                     for (phase, &sums) in sums.iter().enumerate() {
-                        let y = Affine::apply(isa.lanes(sums), &scale, &bias, self.affine.leak);
-                        for (codes, code) in codes.iter_mut().zip(quantise(&y, self.quant)) {
-                            *codes |= code.cast_unsigned() << (8 * phase);
-                        }
+                        let code = quantise(isa, affine(isa, sums, scale, bias, leak), self.quant);
+                        codes = isa.or(codes, isa.shift_left(code, 8 * phase as u32));
                     }
-                    put::<PHASES>(out, &codes);
+                    put::<PHASES>(out, isa.store_ints(codes));
                 }
             }
         }
@@ -141,22 +139,16 @@ impl Conv<'_> {
 
 /// The low `PHASES` bytes of each lane, one after the other, as far as `out` goes.
 #[inline(always)]
-fn put<const PHASES: usize>(out: &mut [u8], codes: &[u32; LANES]) {
-    let (whole, rest) = out.as_chunks_mut::<PHASES>();
-    if let Some(whole) = whole.as_mut_array::<LANES>() {
-        for (out, code) in whole.iter_mut().zip(codes) {
-            out.copy_from_slice(&code.to_le_bytes()[..PHASES]);
-        }
-        return;
+fn put<const PHASES: usize>(out: &mut [u8], codes: [i32; LANES]) {
+    let mut bytes = [[0; PHASES]; LANES];
+    for (bytes, code) in bytes.iter_mut().zip(codes) {
+        bytes.copy_from_slice(&code.to_le_bytes()[..PHASES]);
     }
-    let used = whole.len();
-    for (out, code) in whole.iter_mut().zip(codes) {
-        out.copy_from_slice(&code.to_le_bytes()[..PHASES]);
-    }
-    if let Some(code) = codes.get(used) {
-        for (out, byte) in rest.iter_mut().zip(code.to_le_bytes()) {
-            *out = byte;
-        }
+    if let Some(out) = out.as_chunks_mut().0.as_mut_array() {
+        *out = bytes;
+    } else {
+        let count = out.len();
+        out.copy_from_slice(&bytes.as_flattened()[..count]);
     }
 }
 

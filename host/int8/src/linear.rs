@@ -6,8 +6,8 @@
 use std::ops::Range;
 
 use crate::isa::{Isa, LANES, QUAD, Work};
-use crate::lanes::Lanes;
-use crate::out::{Affine, Sink};
+use crate::lanes::load;
+use crate::out::{Affine, Sink, affine};
 use crate::pack::{Line, Packed};
 
 /// A product, or some panels of it.
@@ -93,14 +93,14 @@ impl Linear<'_> {
         for lines in &mut lines {
             *lines = &lines[..whole];
         }
-        let mut sums = [[isa.zero(); P]; R];
+        let mut sums = [[isa.splat_ints(0); P]; R];
         for quad in 0..whole {
-            let mut weights = [isa.load(&lines[0][quad].0); P];
+            let mut weights = [isa.bytes(&lines[0][quad].0); P];
             for p in 1..P {
-                weights[p] = isa.load(&lines[p][quad].0);
+                weights[p] = isa.bytes(&lines[p][quad].0);
             }
             for r in 0..R {
-                let u = isa.splat(inputs[r][quad]);
+                let u = isa.splat_bytes(inputs[r][quad]);
                 for p in 0..P {
                     sums[r][p] = isa.dot(sums[r][p], u, weights[p]);
                 }
@@ -108,21 +108,22 @@ impl Linear<'_> {
         }
         if whole * QUAD < k {
             for p in 0..P {
-                let weights = isa.load(&panels[p][whole].0);
+                let weights = isa.bytes(&panels[p][whole].0);
                 for r in 0..R {
-                    sums[r][p] = isa.dot(sums[r][p], isa.splat(rest[r]), weights);
+                    sums[r][p] = isa.dot(sums[r][p], isa.splat_bytes(rest[r]), weights);
                 }
             }
         }
+        let leak = isa.splat(self.affine.leak);
         for p in 0..P {
             let output = (panel + p) * LANES;
             let count = LANES.min(n - output);
-            let scale = Lanes::load(&self.affine.scale[output..], 0.0);
-            let bias = Lanes::load(&self.affine.bias[output..], 0.0);
+            let scale = load(isa, &self.affine.scale[output..], 0.0);
+            let bias = load(isa, &self.affine.bias[output..], 0.0);
             for r in 0..R {
-                let y = Affine::apply(isa.lanes(sums[r][p]), &scale, &bias, self.affine.leak);
+                let y = affine(isa, sums[r][p], scale, bias, leak);
                 // SAFETY: no other thread has these panels, so none writes these outputs of any row.
-                unsafe { self.sink.store((row + r) * n + output, &y, count) };
+                unsafe { self.sink.store(isa, (row + r) * n + output, y, count) };
             }
         }
     }

@@ -1,7 +1,7 @@
 //! Row by row or number by number: layer norm, quantisation, sums and means of rows.
 
 use crate::isa::{Isa, LANES, Work};
-use crate::lanes::Lanes;
+use crate::lanes::{load, sum};
 use crate::out::Sink;
 
 /// `(x - mean) / sqrt(variance + epsilon) * gamma + beta` of each row.
@@ -20,28 +20,29 @@ pub(crate) struct LayerNorm<'a> {
 
 impl Work for LayerNorm<'_> {
     #[inline(always)]
-    fn run<I: Isa>(self, _: I) {
+    fn run<I: Isa>(self, isa: I) {
         let width = self.gamma.len();
         let share = 1.0 / width as f32;
         for (row, x) in self.input.chunks_exact(width).enumerate() {
-            let mut sums = Lanes::ZERO;
+            let mut sums = isa.splat(0.0);
             for x in x.chunks(LANES) {
-                sums = sums.add(Lanes::load(x, 0.0));
+                sums = isa.add(sums, load(isa, x, 0.0));
             }
-            let mean = Lanes::splat(sums.sum() * share);
-            let mut squares = Lanes::ZERO;
+            let mean = sum(isa, sums) * share;
+            let mut squares = isa.splat(0.0);
             for x in x.chunks(LANES) {
                 // Lanes beyond the row are the mean, so that they add nothing.
-                let deviation = Lanes::load(x, mean.0[0]).subtract(mean);
-                squares = squares.add(deviation.multiply(deviation));
+                let deviation = isa.subtract(load(isa, x, mean), isa.splat(mean));
+                squares = isa.add(squares, isa.multiply(deviation, deviation));
             }
-            let scale = Lanes::splat(1.0 / (squares.sum() * share + self.epsilon).sqrt());
+            let scale = 1.0 / (sum(isa, squares) * share + self.epsilon).sqrt();
             let parameters = self.gamma.chunks(LANES).zip(self.beta.chunks(LANES));
             for (group, (x, (gamma, beta))) in x.chunks(LANES).zip(parameters).enumerate() {
-                let y = Lanes::load(x, 0.0).subtract(mean).multiply(scale);
-                let y = y.multiply(Lanes::load(gamma, 0.0)).add(Lanes::load(beta, 0.0));
+                let deviation = isa.subtract(load(isa, x, 0.0), isa.splat(mean));
+                let y = isa.multiply(isa.multiply(deviation, isa.splat(scale)), load(isa, gamma, 0.0));
+                let y = isa.add(y, load(isa, beta, 0.0));
                 // SAFETY: one thread runs all of it.
-                unsafe { self.sink.store(row * width + group * LANES, &y, x.len()) };
+                unsafe { self.sink.store(isa, row * width + group * LANES, y, x.len()) };
             }
         }
     }
@@ -56,10 +57,10 @@ pub(crate) struct Copy<'a> {
 
 impl Work for Copy<'_> {
     #[inline(always)]
-    fn run<I: Isa>(self, _: I) {
+    fn run<I: Isa>(self, isa: I) {
         for (group, x) in self.input.chunks(LANES).enumerate() {
             // SAFETY: one thread runs all of it.
-            unsafe { self.sink.store(group * LANES, &Lanes::load(x, 0.0), x.len()) };
+            unsafe { self.sink.store(isa, group * LANES, load(isa, x, 0.0), x.len()) };
         }
     }
 }
@@ -76,16 +77,16 @@ pub(crate) struct MeanRows<'a> {
 
 impl Work for MeanRows<'_> {
     #[inline(always)]
-    fn run<I: Isa>(self, _: I) {
-        let share = Lanes::splat(1.0 / (self.input.len() / self.width) as f32);
+    fn run<I: Isa>(self, isa: I) {
+        let share = isa.splat(1.0 / (self.input.len() / self.width) as f32);
         for column in (0..self.width).step_by(LANES) {
             let count = LANES.min(self.width - column);
-            let mut sums = Lanes::ZERO;
+            let mut sums = isa.splat(0.0);
             for row in self.input.chunks_exact(self.width) {
-                sums = sums.add(Lanes::load(&row[column..][..count], 0.0));
+                sums = isa.add(sums, load(isa, &row[column..][..count], 0.0));
             }
             // SAFETY: one thread runs all of it.
-            unsafe { self.sink.store(column, &sums.multiply(share), count) };
+            unsafe { self.sink.store(isa, column, isa.multiply(sums, share), count) };
         }
     }
 }

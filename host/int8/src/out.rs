@@ -1,9 +1,10 @@
 //! Where results go, and in which form.
 
 use std::marker::PhantomData;
+use std::slice;
 
-use crate::isa::LANES;
-use crate::lanes::{Lanes, quantise};
+use crate::isa::{Isa, LANES};
+use crate::lanes::{load, quantise};
 
 /// What makes a sum of int8 products an output: `y = sum * scale + bias`, then `y` where it is not negative, else
 /// `y * leak`.
@@ -17,17 +18,17 @@ pub struct Affine<'a> {
     pub leak: f32,
 }
 
-impl Affine<'_> {
-    /// `y` of the sums, `scale` and `bias` being those of the lanes.
-    #[inline(always)]
-    pub(crate) fn apply(sums: [i32; LANES], scale: &Lanes, bias: &Lanes, leak: f32) -> Lanes {
-        let mut y = Lanes::ZERO;
-        for lane in 0..LANES {
-            let value = sums[lane] as f32 * scale.0[lane] + bias.0[lane];
-            y.0[lane] = if value >= 0.0 { value } else { value * leak };
-        }
-        y
-    }
+/// [`Affine`] of sixteen outputs.
+#[inline(always)]
+pub(crate) fn affine<I: Isa>(
+    isa: I,
+    sums: I::Ints,
+    scale: I::Floats,
+    bias: I::Floats,
+    leak: I::Floats,
+) -> I::Floats {
+    let y = isa.add(isa.multiply(isa.to_floats(sums), scale), bias);
+    isa.less(y, isa.splat(0.0), isa.multiply(y, leak), y)
 }
 
 /// How a number becomes a u8: `y * inverse`, rounded to the nearest integer (to the even one of two), plus `zero`, clamped to
@@ -102,45 +103,33 @@ impl<'a> Sink<'a> {
     /// # Safety
     /// No other thread may use these places at the same time.
     #[inline(always)]
-    pub(crate) unsafe fn store(self, at: usize, y: &Lanes, count: usize) {
-        assert!(count <= LANES && count <= self.len && at <= self.len - count, "store beyond the output");
+    pub(crate) unsafe fn store<I: Isa>(self, isa: I, at: usize, y: I::Floats, count: usize) {
+        assert!(count <= LANES && count <= self.len && at <= self.len - count, "beyond the output");
         // SAFETY: just checked to lie within the slice borrowed for 'a; the caller has these places to itself.
         unsafe {
             match self.form {
-                Form::F32(to) => put(&mut *std::ptr::slice_from_raw_parts_mut(to.add(at), count), &y.0),
-                Form::Add(to) => add(&mut *std::ptr::slice_from_raw_parts_mut(to.add(at), count), &y.0),
+                Form::F32(to) => put(slice::from_raw_parts_mut(to.add(at), count), &isa.store(y)),
+                Form::Add(to) => {
+                    let to = slice::from_raw_parts_mut(to.add(at), count);
+                    put(to, &isa.store(isa.add(load(isa, to, 0.0), y)));
+                }
                 Form::U8(to, quant) => {
-                    put(
-                        &mut *std::ptr::slice_from_raw_parts_mut(to.add(at), count),
-                        &quantise(y, quant).map(|code| code as u8),
-                    );
+                    let codes = isa.store_codes(quantise(isa, y, quant));
+                    put(slice::from_raw_parts_mut(to.add(at), count), &codes);
                 }
             }
         }
     }
 }
 
-/// Copies what `to` has room for; a full register's worth is a copy of fixed size.
+/// As many as `to` has; all sixteen are a copy of fixed size.
 #[inline(always)]
-pub(crate) fn put<T: Copy>(to: &mut [T], from: &[T; LANES]) {
+fn put<T: Copy>(to: &mut [T], from: &[T; LANES]) {
     if let Some(to) = to.as_mut_array() {
         *to = *from;
     } else {
         for (to, &from) in to.iter_mut().zip(from) {
             *to = from;
-        }
-    }
-}
-
-#[inline(always)]
-fn add(to: &mut [f32], from: &[f32; LANES]) {
-    if let Ok(to) = <&mut [f32; LANES]>::try_from(&mut *to) {
-        for (to, from) in to.iter_mut().zip(from) {
-            *to += from;
-        }
-    } else {
-        for (to, from) in to.iter_mut().zip(from) {
-            *to += from;
         }
     }
 }

@@ -48,13 +48,16 @@ fn floats(count: usize, seed: u64, spread: f32) -> Vec<f32> {
 /// Codes and weights: extremes alone, where a sum of two products would not fit 16 bits, or anything.
 fn codes(count: usize, seed: u64, extreme: bool) -> Vec<u8> {
     let mut noise = noise(seed);
-    (0..count).map(|_| if extreme { [0, 255, 255, 255][noise() as usize % 4] } else { noise() as u8 }).collect()
+    (0..count)
+        .map(|_| if extreme { [0, 255, 255, 255][noise() as usize % 4] } else { noise() as u8 })
+        .collect()
 }
 
 fn weights(count: usize, seed: u64, extreme: bool) -> Vec<i8> {
     let mut noise = noise(seed ^ 77);
     let sign = if noise().is_multiple_of(2) { 127 } else { -127 };
-    let mut draw = || if extreme { [sign, sign, sign, -sign][noise() as usize % 4] } else { (noise() % 255) as i8 };
+    let mut draw =
+        || if extreme { [sign, sign, sign, -sign][noise() as usize % 4] } else { (noise() % 255) as i8 };
     (0..count).map(|_| draw().max(-127)).collect()
 }
 
@@ -83,7 +86,16 @@ impl Product {
     fn new(rows: usize, k: usize, n: usize, seed: u64, extreme: bool, leak: f32) -> Self {
         let scale = floats(n, seed + 1, 1e-3);
         let bias = floats(n, seed + 2, 2.0);
-        Self { rows, k, n, input: codes(rows * k, seed, extreme), weights: weights(k * n, seed, extreme), scale, bias, leak }
+        Self {
+            rows,
+            k,
+            n,
+            input: codes(rows * k, seed, extreme),
+            weights: weights(k * n, seed, extreme),
+            scale,
+            bias,
+            leak,
+        }
     }
 
     fn reference(&self) -> Vec<f32> {
@@ -92,7 +104,8 @@ impl Product {
             for output in 0..self.n {
                 let mut sum = 0;
                 for at in 0..self.k {
-                    sum += i32::from(self.input[row * self.k + at]) * i32::from(self.weights[output * self.k + at]);
+                    sum += i32::from(self.input[row * self.k + at])
+                        * i32::from(self.weights[output * self.k + at]);
                 }
                 y.push(affine_reference(sum, self.scale[output], self.bias[output], self.leak));
             }
@@ -328,7 +341,10 @@ fn sums_fold_the_zero_point() {
             row.iter().zip(&codes).map(|(&w, &u)| i32::from(w) * (i32::from(u) - zero)).sum()
         };
         assert_eq!(dot(90), dot(0) - 90 * packed.sum(output));
-        assert_eq!(conv.sum(output), weights(5 * 36, 9, false)[output * 36..][..36].iter().map(|&w| i32::from(w)).sum());
+        assert_eq!(
+            conv.sum(output),
+            weights(5 * 36, 9, false)[output * 36..][..36].iter().map(|&w| i32::from(w)).sum()
+        );
     }
 }
 

@@ -1,12 +1,17 @@
-//! What a kernel needs of the processor: sums of int8 products, and a way to have its code compiled for the instructions.
+//! What a kernel needs of the processor: sums of int8 products, floats sixteen abreast, and a way to have its code compiled
+//! for the instructions.
+//!
+//! All operations are lane by lane and none rounds otherwise at another level: there are no fused products, no estimates,
+//! no sums across lanes.
 
 #[cfg(target_arch = "x86_64")]
 mod avx2;
 #[cfg(target_arch = "x86_64")]
 mod avx512;
-#[cfg(target_arch = "x86_64")]
-mod avxvnni;
 mod plain;
+
+#[cfg(test)]
+pub(crate) use plain::Plain;
 
 use crate::level::Level;
 
@@ -21,37 +26,56 @@ pub(crate) type Quads = [[u8; QUAD]; LANES];
 
 /// A level's instructions. A value of such a type is the proof that this processor has them: only `detect` makes one.
 pub(crate) trait Isa: Copy + Send + Sync {
-    /// Registers of [`Quads`].
+    /// [`Quads`].
     type Bytes: Copy;
-    /// Registers of an i32 in each lane.
-    type Sums: Copy;
+    /// An i32 in each lane.
+    type Ints: Copy;
+    /// An f32 in each lane.
+    type Floats: Copy;
     /// Rows of inputs that a product takes at once, so that all sums stay in registers: 1 to 6.
     const ROWS: usize;
     /// Panels of 16 outputs that it takes at once: 1, 2 or 4.
     const PANELS: usize;
-    /// Output channels that a convolution takes at once, for the same reason: 1 to 4.
-    const CHANNELS: usize;
 
     /// Runs `work`, compiled for these instructions.
     fn run<W: Work>(self, work: W);
 
-    fn load(self, quads: &Quads) -> Self::Bytes;
-
+    fn bytes(self, quads: &Quads) -> Self::Bytes;
     /// The same four in each lane.
-    fn splat(self, quad: [u8; QUAD]) -> Self::Bytes;
+    fn splat_bytes(self, quad: [u8; QUAD]) -> Self::Bytes;
+    /// The sum and four products of u8 and s8, exact.
+    fn dot(self, sum: Self::Ints, unsigned: Self::Bytes, signed: Self::Bytes) -> Self::Ints;
 
-    fn zero(self) -> Self::Sums;
+    fn splat_ints(self, value: i32) -> Self::Ints;
+    /// Wraps around.
+    fn add_ints(self, a: Self::Ints, b: Self::Ints) -> Self::Ints;
+    fn or(self, a: Self::Ints, b: Self::Ints) -> Self::Ints;
+    fn shift_left(self, a: Self::Ints, bits: u32) -> Self::Ints;
+    fn to_floats(self, a: Self::Ints) -> Self::Floats;
+    fn from_bits(self, a: Self::Ints) -> Self::Floats;
+    fn store_ints(self, a: Self::Ints) -> [i32; LANES];
+    /// Numbers from 0 to 255.
+    fn store_codes(self, a: Self::Ints) -> [u8; LANES];
 
-    /// In each lane the sum, and four products of u8 and s8.
-    fn dot(self, sums: Self::Sums, unsigned: Self::Bytes, signed: Self::Bytes) -> Self::Sums;
-
-    fn lanes(self, sums: Self::Sums) -> [i32; LANES];
+    fn floats(self, from: &[f32; LANES]) -> Self::Floats;
+    fn splat(self, value: f32) -> Self::Floats;
+    fn add(self, a: Self::Floats, b: Self::Floats) -> Self::Floats;
+    fn subtract(self, a: Self::Floats, b: Self::Floats) -> Self::Floats;
+    fn multiply(self, a: Self::Floats, b: Self::Floats) -> Self::Floats;
+    /// `if a > b { a } else { b }`, so `b` if one is NaN.
+    fn max(self, a: Self::Floats, b: Self::Floats) -> Self::Floats;
+    /// `if a < b { a } else { b }`, so `b` if one is NaN.
+    fn min(self, a: Self::Floats, b: Self::Floats) -> Self::Floats;
+    /// `if a < b { yes } else { no }`, so `no` if one is NaN.
+    fn less(self, a: Self::Floats, b: Self::Floats, yes: Self::Floats, no: Self::Floats) -> Self::Floats;
+    fn to_bits(self, a: Self::Floats) -> Self::Ints;
+    fn store(self, a: Self::Floats) -> [f32; LANES];
 }
 
 /// What is compiled once for each level.
 ///
-/// All that it calls has to be `#[inline(always)]`: what is not inlined into the level's own function does without the
-/// level's instructions.
+/// All that it calls has to be `#[inline(always)]`, and closures are to be kept from it: what is not inlined into the level's
+/// own function does without the level's instructions.
 pub(crate) trait Work {
     fn run<I: Isa>(self, isa: I);
 }
@@ -61,9 +85,9 @@ pub(crate) trait Work {
 pub(crate) enum Processor {
     Plain(plain::Plain),
     #[cfg(target_arch = "x86_64")]
-    Avx2(avx2::Avx2),
+    Avx2(avx2::Avx2<false>),
     #[cfg(target_arch = "x86_64")]
-    AvxVnni(avxvnni::AvxVnni),
+    AvxVnni(avx2::Avx2<true>),
     #[cfg(target_arch = "x86_64")]
     Avx512Vnni(avx512::Avx512Vnni),
 }
@@ -75,7 +99,7 @@ impl Processor {
             #[cfg(target_arch = "x86_64")]
             Level::Avx2 => avx2::Avx2::detect().map(Self::Avx2),
             #[cfg(target_arch = "x86_64")]
-            Level::AvxVnni => avxvnni::AvxVnni::detect().map(Self::AvxVnni),
+            Level::AvxVnni => avx2::Avx2::detect().map(Self::AvxVnni),
             #[cfg(target_arch = "x86_64")]
             Level::Avx512Vnni => avx512::Avx512Vnni::detect().map(Self::Avx512Vnni),
             #[cfg(not(target_arch = "x86_64"))]
