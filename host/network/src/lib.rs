@@ -14,7 +14,7 @@
 //! * `train`, with the feature of that name: training.
 
 pub mod config;
-// pub mod execute;
+pub mod execute;
 pub mod metrics;
 pub mod model;
 pub mod network;

@@ -53,7 +53,7 @@ impl Convolution {
                     bias[n] - scale[n] * (i32::from(input.zero) * sum) as f32
                 };
                 let bias = (0..outputs).map(fold).collect();
-                let weights = PackedConv::new(inputs, outputs, values);
+                let weights = PackedConv::new(outputs, inputs, values);
                 Kind::Int8 { weights, scale, bias, input, out }
             }
         };

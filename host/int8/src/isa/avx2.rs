@@ -1,0 +1,119 @@
+//! AVX2, with AVX-VNNI's `vpdpbusd` or without it.
+//!
+//! AVX2's own product of u8 and s8 (`vpmaddubsw`) adds two products in 16 bits and saturates, so each lane's four numbers
+//! are widened to 16 bits, even and odd ones apart: their products then add up in the lane's 32 bits, in place.
+
+use std::arch::x86_64::*;
+use std::mem::transmute;
+
+use super::{Isa, LANES, QUAD, Quads, Work};
+
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Avx2<const VNNI: bool>(());
+
+impl<const VNNI: bool> Avx2<VNNI> {
+    pub(super) fn detect() -> Option<Self> {
+        let has = is_x86_feature_detected!("avx2") && (!VNNI || is_x86_feature_detected!("avxvnni"));
+        has.then_some(Self(()))
+    }
+}
+
+#[target_feature(enable = "avx2")]
+fn run<W: Work>(isa: Avx2<false>, work: W) {
+    work.run(isa);
+}
+
+#[target_feature(enable = "avx2,avxvnni")]
+fn run_vnni<W: Work>(isa: Avx2<true>, work: W) {
+    work.run(isa);
+}
+
+/// The sum and four products in each lane, of 16 bits.
+///
+/// # Safety
+/// The processor must have AVX2.
+#[inline(always)]
+unsafe fn dot_wide(sum: __m256i, unsigned: __m256i, signed: __m256i) -> __m256i {
+    // SAFETY: the caller's.
+    unsafe {
+        let u_even = _mm256_and_si256(unsigned, _mm256_set1_epi16(0xff));
+        let u_odd = _mm256_srli_epi16::<8>(unsigned);
+        let s_even = _mm256_srai_epi16::<8>(_mm256_slli_epi16::<8>(signed));
+        let s_odd = _mm256_srai_epi16::<8>(signed);
+        let products = _mm256_add_epi32(_mm256_madd_epi16(u_even, s_even), _mm256_madd_epi16(u_odd, s_odd));
+        _mm256_add_epi32(sum, products)
+    }
+}
+
+/// Sixteen lanes are two registers.
+type Ints = [__m256i; 2];
+type Floats = [__m256; 2];
+
+/// Functions of one instruction, or some, for both registers.
+macro_rules! operations {
+    ($($name:ident($($argument:ident: $kind:ty),*) -> $result:ty = $body:expr;)*) => {$(
+        #[inline(always)]
+        fn $name(self, $($argument: $kind),*) -> $result {
+            // SAFETY: `self` exists only where the processor has these instructions. What is loaded and transmuted is as
+            // long as two registers, may be unaligned, and is valid whatever its bits are.
+            unsafe { $body }
+        }
+    )*};
+}
+
+impl<const VNNI: bool> Isa for Avx2<VNNI> {
+    type Bytes = Ints;
+    type Ints = Ints;
+    type Floats = Floats;
+    const ROWS: usize = if VNNI { 6 } else { 4 };
+    const PANELS: usize = 1;
+
+    operations! {
+        bytes(quads: &Quads) -> Ints = transmute(*quads);
+        splat_bytes(quad: [u8; QUAD]) -> Ints = [_mm256_set1_epi32(i32::from_le_bytes(quad)); 2];
+        dot(sum: Ints, unsigned: Ints, signed: Ints) -> Ints = if VNNI {
+            [
+                _mm256_dpbusd_avx_epi32(sum[0], unsigned[0], signed[0]),
+                _mm256_dpbusd_avx_epi32(sum[1], unsigned[1], signed[1]),
+            ]
+        } else {
+            [dot_wide(sum[0], unsigned[0], signed[0]), dot_wide(sum[1], unsigned[1], signed[1])]
+        };
+
+        splat_ints(value: i32) -> Ints = [_mm256_set1_epi32(value); 2];
+        add_ints(a: Ints, b: Ints) -> Ints = [_mm256_add_epi32(a[0], b[0]), _mm256_add_epi32(a[1], b[1])];
+        or(a: Ints, b: Ints) -> Ints = [_mm256_or_si256(a[0], b[0]), _mm256_or_si256(a[1], b[1])];
+        shift_left(a: Ints, bits: u32) -> Ints = {
+            let bits = _mm_cvtsi32_si128(bits.cast_signed());
+            [_mm256_sll_epi32(a[0], bits), _mm256_sll_epi32(a[1], bits)]
+        };
+        to_floats(a: Ints) -> Floats = [_mm256_cvtepi32_ps(a[0]), _mm256_cvtepi32_ps(a[1])];
+        from_bits(a: Ints) -> Floats = transmute(a);
+        store_ints(a: Ints) -> [i32; LANES] = transmute(a);
+        store_codes(a: Ints) -> [u8; LANES] = {
+            // Packing works within halves of registers: afterwards quarters lie in the order 0, 2, 1, 3.
+            let pairs = _mm256_permute4x64_epi64::<0b11_01_10_00>(_mm256_packs_epi32(a[0], a[1]));
+            transmute(_mm_packus_epi16(_mm256_castsi256_si128(pairs), _mm256_extracti128_si256::<1>(pairs)))
+        };
+
+        floats(from: &[f32; LANES]) -> Floats = transmute(*from);
+        splat(value: f32) -> Floats = [_mm256_set1_ps(value); 2];
+        add(a: Floats, b: Floats) -> Floats = [_mm256_add_ps(a[0], b[0]), _mm256_add_ps(a[1], b[1])];
+        subtract(a: Floats, b: Floats) -> Floats = [_mm256_sub_ps(a[0], b[0]), _mm256_sub_ps(a[1], b[1])];
+        multiply(a: Floats, b: Floats) -> Floats = [_mm256_mul_ps(a[0], b[0]), _mm256_mul_ps(a[1], b[1])];
+        max(a: Floats, b: Floats) -> Floats = [_mm256_max_ps(a[0], b[0]), _mm256_max_ps(a[1], b[1])];
+        min(a: Floats, b: Floats) -> Floats = [_mm256_min_ps(a[0], b[0]), _mm256_min_ps(a[1], b[1])];
+        less(a: Floats, b: Floats, yes: Floats, no: Floats) -> Floats = [
+            _mm256_blendv_ps(no[0], yes[0], _mm256_cmp_ps::<_CMP_LT_OQ>(a[0], b[0])),
+            _mm256_blendv_ps(no[1], yes[1], _mm256_cmp_ps::<_CMP_LT_OQ>(a[1], b[1])),
+        ];
+        to_bits(a: Floats) -> Ints = transmute(a);
+        store(a: Floats) -> [f32; LANES] = transmute(a);
+    }
+
+    #[inline(always)]
+    fn run<W: Work>(self, work: W) {
+        // SAFETY: `self` exists only where the processor has these features.
+        unsafe { if VNNI { run_vnni(Avx2(()), work) } else { run(Avx2(()), work) } }
+    }
+}

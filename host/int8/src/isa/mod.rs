@@ -1,0 +1,138 @@
+//! What a kernel needs of the processor: sums of int8 products, floats sixteen abreast, and a way to have its code compiled
+//! for the instructions.
+//!
+//! All operations are lane by lane and none rounds otherwise at another level: there are no fused products, no estimates,
+//! no sums across lanes.
+
+#[cfg(target_arch = "x86_64")]
+mod avx2;
+#[cfg(target_arch = "x86_64")]
+mod avx512;
+mod plain;
+
+#[cfg(test)]
+pub(crate) use plain::Plain;
+
+use crate::level::Level;
+
+/// Numbers abreast in all kernels, whatever the registers' width: so sums have the same order at every level.
+pub(crate) const LANES: usize = 16;
+
+/// int8 numbers of a lane, which one instruction multiplies and adds.
+pub(crate) const QUAD: usize = 4;
+
+/// Four int8 numbers in each lane.
+pub(crate) type Quads = [[u8; QUAD]; LANES];
+
+/// A level's instructions. A value of such a type is the proof that this processor has them: only `detect` makes one.
+pub(crate) trait Isa: Copy + Send + Sync {
+    /// [`Quads`].
+    type Bytes: Copy;
+    /// An i32 in each lane.
+    type Ints: Copy;
+    /// An f32 in each lane.
+    type Floats: Copy;
+    /// Rows of inputs that a product takes at once, so that all sums stay in registers: 1 to 6.
+    const ROWS: usize;
+    /// Panels of 16 outputs that it takes at once: 1, 2 or 4.
+    const PANELS: usize;
+
+    /// Runs `work`, compiled for these instructions.
+    fn run<W: Work>(self, work: W);
+
+    fn bytes(self, quads: &Quads) -> Self::Bytes;
+    /// The same four in each lane.
+    fn splat_bytes(self, quad: [u8; QUAD]) -> Self::Bytes;
+    /// The sum and four products of u8 and s8, exact.
+    fn dot(self, sum: Self::Ints, unsigned: Self::Bytes, signed: Self::Bytes) -> Self::Ints;
+
+    fn splat_ints(self, value: i32) -> Self::Ints;
+    /// Wraps around.
+    fn add_ints(self, a: Self::Ints, b: Self::Ints) -> Self::Ints;
+    fn or(self, a: Self::Ints, b: Self::Ints) -> Self::Ints;
+    fn shift_left(self, a: Self::Ints, bits: u32) -> Self::Ints;
+    fn to_floats(self, a: Self::Ints) -> Self::Floats;
+    fn from_bits(self, a: Self::Ints) -> Self::Floats;
+    fn store_ints(self, a: Self::Ints) -> [i32; LANES];
+    /// Numbers from 0 to 255.
+    fn store_codes(self, a: Self::Ints) -> [u8; LANES];
+
+    fn floats(self, from: &[f32; LANES]) -> Self::Floats;
+    fn splat(self, value: f32) -> Self::Floats;
+    fn add(self, a: Self::Floats, b: Self::Floats) -> Self::Floats;
+    fn subtract(self, a: Self::Floats, b: Self::Floats) -> Self::Floats;
+    fn multiply(self, a: Self::Floats, b: Self::Floats) -> Self::Floats;
+    /// `if a > b { a } else { b }`, so `b` if one is NaN.
+    fn max(self, a: Self::Floats, b: Self::Floats) -> Self::Floats;
+    /// `if a < b { a } else { b }`, so `b` if one is NaN.
+    fn min(self, a: Self::Floats, b: Self::Floats) -> Self::Floats;
+    /// `if a < b { yes } else { no }`, so `no` if one is NaN.
+    fn less(self, a: Self::Floats, b: Self::Floats, yes: Self::Floats, no: Self::Floats) -> Self::Floats;
+    fn to_bits(self, a: Self::Floats) -> Self::Ints;
+    fn store(self, a: Self::Floats) -> [f32; LANES];
+}
+
+/// What is compiled once for each level.
+///
+/// All that it calls has to be `#[inline(always)]`, and closures are to be kept from it: what is not inlined into the level's
+/// own function does without the level's instructions.
+pub(crate) trait Work {
+    fn run<I: Isa>(self, isa: I);
+}
+
+/// The instructions of a level, of which this processor is known to have them.
+#[derive(Debug, Clone, Copy)]
+pub(crate) enum Processor {
+    Plain(plain::Plain),
+    #[cfg(target_arch = "x86_64")]
+    Avx2(avx2::Avx2<false>),
+    #[cfg(target_arch = "x86_64")]
+    AvxVnni(avx2::Avx2<true>),
+    #[cfg(target_arch = "x86_64")]
+    Avx512Vnni(avx512::Avx512Vnni),
+}
+
+impl Processor {
+    pub(crate) fn detect(level: Level) -> Option<Self> {
+        match level {
+            Level::Plain => Some(Self::Plain(plain::Plain)),
+            #[cfg(target_arch = "x86_64")]
+            Level::Avx2 => avx2::Avx2::detect().map(Self::Avx2),
+            #[cfg(target_arch = "x86_64")]
+            Level::AvxVnni => avx2::Avx2::detect().map(Self::AvxVnni),
+            #[cfg(target_arch = "x86_64")]
+            Level::Avx512Vnni => avx512::Avx512Vnni::detect().map(Self::Avx512Vnni),
+            #[cfg(not(target_arch = "x86_64"))]
+            _ => None,
+        }
+    }
+
+    pub(crate) fn best() -> Self {
+        let plain = Self::Plain(plain::Plain);
+        Level::ALL.into_iter().rev().find_map(Self::detect).unwrap_or(plain)
+    }
+
+    pub(crate) fn level(self) -> Level {
+        match self {
+            Self::Plain(_) => Level::Plain,
+            #[cfg(target_arch = "x86_64")]
+            Self::Avx2(_) => Level::Avx2,
+            #[cfg(target_arch = "x86_64")]
+            Self::AvxVnni(_) => Level::AvxVnni,
+            #[cfg(target_arch = "x86_64")]
+            Self::Avx512Vnni(_) => Level::Avx512Vnni,
+        }
+    }
+
+    pub(crate) fn run<W: Work>(self, work: W) {
+        match self {
+            Self::Plain(isa) => isa.run(work),
+            #[cfg(target_arch = "x86_64")]
+            Self::Avx2(isa) => isa.run(work),
+            #[cfg(target_arch = "x86_64")]
+            Self::AvxVnni(isa) => isa.run(work),
+            #[cfg(target_arch = "x86_64")]
+            Self::Avx512Vnni(isa) => isa.run(work),
+        }
+    }
+}

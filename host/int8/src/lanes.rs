@@ -1,0 +1,140 @@
+//! Floats sixteen abreast: sums over lanes as one fixed tree, quantisation, and e to the power of x.
+
+use crate::isa::{Isa, LANES};
+use crate::out::Quant;
+
+/// The start of `from`; `fill` in lanes beyond its end.
+#[inline(always)]
+pub(crate) fn load<I: Isa>(isa: I, from: &[f32], fill: f32) -> I::Floats {
+    if let Some(full) = from.first_chunk() {
+        return isa.floats(full);
+    }
+    let mut lanes = [fill; LANES];
+    for (to, &from) in lanes.iter_mut().zip(from) {
+        *to = from;
+    }
+    isa.floats(&lanes)
+}
+
+/// Halves added to each other until one number is left.
+#[inline(always)]
+pub(crate) fn sum<I: Isa>(isa: I, lanes: I::Floats) -> f32 {
+    let mut lanes = isa.store(lanes);
+    let mut width = LANES / 2;
+    while width > 0 {
+        for lane in 0..width {
+            lanes[lane] += lanes[lane + width];
+        }
+        width /= 2;
+    }
+    lanes[0]
+}
+
+/// The greatest lane, which NaN is not sure to be.
+#[inline(always)]
+pub(crate) fn greatest<I: Isa>(isa: I, lanes: I::Floats) -> f32 {
+    let lanes = isa.store(lanes);
+    let mut greatest = lanes[0];
+    for lane in lanes {
+        greatest = if lane > greatest { lane } else { greatest };
+    }
+    greatest
+}
+
+/// 1.5 * 2^23: a float this large has steps of one, so adding it rounds to the nearest integer, ties to even, and leaves the
+/// integer in the low bits.
+const ROUND: f32 = 12_582_912.0;
+
+/// Codes, 0 to 255.
+#[inline(always)]
+pub(crate) fn quantise<I: Isa>(isa: I, y: I::Floats, quant: Quant) -> I::Ints {
+    let zero = f32::from(quant.zero);
+    let steps = isa.multiply(y, isa.splat(quant.inverse));
+    // Ends are integers, so it is the same to round after. NaN stays: it is the second operand.
+    let steps = isa.min(isa.splat(255.0 - zero), isa.max(isa.splat(-zero), steps));
+    let steps = isa.less(steps, isa.splat(256.0), steps, isa.splat(0.0));
+    let bits = isa.to_bits(isa.add(steps, isa.splat(ROUND)));
+    isa.add_ints(bits, isa.splat_ints(i32::from(quant.zero) - ROUND.to_bits().cast_signed()))
+}
+
+/// Below this [`exp`] gives 0: the least that is not below the least normal float.
+const EXP_LEAST: f32 = -87.336_54;
+
+/// e to the power of each lane, for numbers not above 0, as softmax has them; 0 for those below [`EXP_LEAST`], NaN for NaN.
+///
+/// 2^n * e^r with n the nearest integer to x / ln 2, so |r| <= ln 2 / 2, where the polynomial is Cephes' `expf`.
+#[inline(always)]
+pub(crate) fn exp<I: Isa>(isa: I, x: I::Floats) -> I::Floats {
+    // ln 2 in two parts, of which the first has few bits: its product with n is exact.
+    const LN_2_HIGH: f32 = 0.693_359_4;
+    const LN_2_LOW: f32 = -2.121_944_4e-4;
+    let least = isa.splat(EXP_LEAST);
+    let inside = isa.max(least, x);
+    let shifted = isa.add(isa.multiply(inside, isa.splat(std::f32::consts::LOG2_E)), isa.splat(ROUND));
+    let n = isa.subtract(shifted, isa.splat(ROUND));
+    let r = isa.subtract(inside, isa.multiply(n, isa.splat(LN_2_HIGH)));
+    let r = isa.subtract(r, isa.multiply(n, isa.splat(LN_2_LOW)));
+    let mut p = isa.splat(1.987_569_1e-4);
+    for coefficient in [1.398_2e-3, 8.333_452e-3, 4.166_579_6e-2, 1.666_666_5e-1, 0.5] {
+        p = isa.add(isa.multiply(p, r), isa.splat(coefficient));
+    }
+    let p = isa.add(isa.add(isa.multiply(p, isa.multiply(r, r)), r), isa.splat(1.0));
+    // The low bits of `shifted` are n: into the exponent with it.
+    let exponent = isa.shift_left(isa.to_bits(shifted), 23);
+    let power = isa.from_bits(isa.add_ints(exponent, isa.splat_ints(1.0f32.to_bits().cast_signed())));
+    isa.less(x, least, isa.splat(0.0), isa.multiply(p, power))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::isa::Plain;
+
+    fn exp(x: f32) -> f32 {
+        super::exp(Plain, [x; LANES])[0]
+    }
+
+    #[test]
+    fn exp_within_two_units_in_the_last_place() {
+        let mut worst = 0.0f64;
+        for step in 0..2_000_000 {
+            let x = -(step as f32) * 4.4e-5;
+            let got = f64::from(exp(x));
+            let want = f64::from(x).exp();
+            if x < EXP_LEAST {
+                assert_eq!(got, 0.0, "{x}");
+            } else {
+                worst = worst.max(((got - want) / want).abs());
+            }
+        }
+        assert!(worst < 2.0 * f64::from(f32::EPSILON), "relative error {worst:e}");
+        assert_eq!(exp(0.0), 1.0);
+        assert_eq!(exp(f32::NEG_INFINITY), 0.0);
+        assert!(exp(f32::NAN).is_nan());
+    }
+
+    #[test]
+    fn rounds_as_said() {
+        let extremes =
+            [0.0, -0.0, f32::NAN, f32::INFINITY, f32::NEG_INFINITY, f32::MAX, f32::MIN, f32::MIN_POSITIVE];
+        let halves = (-1200..1200).map(|half| half as f32 * 0.5);
+        let near = (-600..600).flat_map(|half| {
+            let half = half as f32 * 0.5;
+            [half.next_up(), half.next_down()]
+        });
+        for y in extremes.into_iter().chain(halves).chain(near) {
+            for zero in [0, 1, 127, 128, 255] {
+                for inverse in [1.0, 0.5, -1.0, 1e-3, 1e30] {
+                    let steps = (y * inverse).round_ties_even();
+                    let want =
+                        if steps.is_nan() { zero } else { (steps + f32::from(zero)).clamp(0.0, 255.0) as u8 };
+                    assert_eq!(
+                        quantise(Plain, [y; LANES], Quant { inverse, zero })[0],
+                        i32::from(want),
+                        "{y} {zero}"
+                    );
+                }
+            }
+        }
+    }
+}

@@ -1,0 +1,135 @@
+//! Where results go, and in which form.
+
+use std::marker::PhantomData;
+use std::slice;
+
+use crate::isa::{Isa, LANES};
+use crate::lanes::{load, quantise};
+
+/// What makes a sum of int8 products an output: `y = sum * scale + bias`, then `y` where it is not negative, else
+/// `y * leak`.
+#[derive(Debug, Clone, Copy)]
+pub struct Affine<'a> {
+    /// For each output.
+    pub scale: &'a [f32],
+    /// For each output; the inputs' zero point is the caller's to fold in, see [`Packed::sum`](crate::Packed::sum).
+    pub bias: &'a [f32],
+    /// LeakyReLU's slope; 1 for a linear output.
+    pub leak: f32,
+}
+
+/// [`Affine`] of sixteen outputs.
+#[inline(always)]
+pub(crate) fn affine<I: Isa>(
+    isa: I,
+    sums: I::Ints,
+    scale: I::Floats,
+    bias: I::Floats,
+    leak: I::Floats,
+) -> I::Floats {
+    let y = isa.add(isa.multiply(isa.to_floats(sums), scale), bias);
+    isa.less(y, isa.splat(0.0), isa.multiply(y, leak), y)
+}
+
+/// How a number becomes a u8: `y * inverse`, rounded to the nearest integer (to the even one of two), plus `zero`, clamped to
+/// 0 to 255. NaN becomes `zero`.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Quant {
+    /// One over the step between two codes.
+    pub inverse: f32,
+    /// The code of 0.
+    pub zero: u8,
+}
+
+/// Where results go.
+#[derive(Debug)]
+pub enum Out<'a> {
+    /// As they are.
+    F32(&'a mut [f32]),
+    /// Added to what is there: the residual of a transformer's block.
+    Add(&'a mut [f32]),
+    /// Quantised, as the next product takes them.
+    U8(&'a mut [u8], Quant),
+}
+
+impl Out<'_> {
+    /// Numbers that fit.
+    pub fn len(&self) -> usize {
+        match self {
+            Self::F32(values) | Self::Add(values) => values.len(),
+            Self::U8(codes, _) => codes.len(),
+        }
+    }
+
+    /// Whether none fits.
+    pub fn is_empty(&self) -> bool {
+        self.len() == 0
+    }
+}
+
+/// An [`Out`] that threads share, each writing other places of it.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Sink<'a> {
+    form: Form,
+    len: usize,
+    out: PhantomData<&'a mut [f32]>,
+}
+
+#[derive(Debug, Clone, Copy)]
+enum Form {
+    F32(*mut f32),
+    Add(*mut f32),
+    U8(*mut u8, Quant),
+}
+
+// SAFETY: it stands for a unique borrow of plain numbers; `store` has its callers write no place from two threads.
+unsafe impl Send for Sink<'_> {}
+// SAFETY: as above.
+unsafe impl Sync for Sink<'_> {}
+
+impl<'a> Sink<'a> {
+    pub(crate) fn new(out: Out<'a>) -> Self {
+        let len = out.len();
+        let form = match out {
+            Out::F32(values) => Form::F32(values.as_mut_ptr()),
+            Out::Add(values) => Form::Add(values.as_mut_ptr()),
+            Out::U8(codes, quant) => Form::U8(codes.as_mut_ptr(), quant),
+        };
+        Self { form, len, out: PhantomData }
+    }
+
+    /// Puts the first `count` lanes at `at` and after.
+    ///
+    /// # Safety
+    /// No other thread may use these places at the same time.
+    #[inline(always)]
+    pub(crate) unsafe fn store<I: Isa>(self, isa: I, at: usize, y: I::Floats, count: usize) {
+        assert!(count <= LANES && count <= self.len && at <= self.len - count, "beyond the output");
+        // SAFETY: just checked to lie within the slice borrowed for 'a; the caller has these places to itself.
+        unsafe {
+            match self.form {
+                Form::F32(to) => put(slice::from_raw_parts_mut(to.add(at), count), &isa.store(y)),
+                Form::Add(to) => {
+                    let to = slice::from_raw_parts_mut(to.add(at), count);
+                    put(to, &isa.store(isa.add(load(isa, to, 0.0), y)));
+                }
+                Form::U8(to, quant) => {
+                    let codes = isa.store_codes(quantise(isa, y, quant));
+                    put(slice::from_raw_parts_mut(to.add(at), count), &codes);
+                }
+            }
+        }
+    }
+}
+
+/// As many as `to` has; all sixteen are a copy of fixed size.
+#[inline(always)]
+fn put<T: Copy>(to: &mut [T], from: &[T; LANES]) {
+    if let Some(to) = to.as_mut_array() {
+        *to = *from;
+    } else {
+        for (to, &from) in to.iter_mut().zip(from) {
+            *to = from;
+        }
+    }
+}
