@@ -7,6 +7,7 @@
 //! * [`aoa`]: angle of arrival from the spatial covariance: MUSIC, Capon, Bartlett.
 //! * [`maps`]: range-time, range-Doppler and angle maps of a frame, from a bridge's packets or from raw samples.
 //! * [`align`]: packets in, frames of both radios on one time axis out: what the network is fed with.
+//! * [`features`]: aligned frames as the network takes them, live and of data sets.
 //! * [`stability`]: where these methods break, and whether they say so.
 //! * [`motion`]: recorded human motion, joints over time.
 //! * [`hoi`], [`simulate`]: the vocabulary of actions and objects, and labelled data from a simulated room.
@@ -22,10 +23,12 @@ pub mod atomic;
 pub mod bridge;
 pub mod datagrams;
 pub mod detect;
+pub mod features;
 #[cfg(feature = "probe")]
 pub mod flash;
 pub mod hoi;
 pub mod inspect;
+mod jobs;
 pub mod maps;
 pub mod motion;
 pub mod npz;

@@ -62,6 +62,15 @@ impl Npz {
         Ok(Self { writer: NpzWriter::new_compressed(AtomicFile::create(&path)?), path })
     }
 
+    /// Starts the file with arrays as they are, which are read much faster: for files that are read often.
+    ///
+    /// # Errors
+    /// [`NpzError::File`].
+    pub fn create_stored(path: impl AsRef<Path>) -> Result<Self, NpzError> {
+        let path = path.as_ref().to_path_buf();
+        Ok(Self { writer: NpzWriter::new(AtomicFile::create(&path)?), path })
+    }
+
     /// Adds an array of any shape and numeric type. Names must differ.
     ///
     /// # Errors

@@ -3,7 +3,8 @@
 //! In: [`TagRead`]s, and the reader's [`ChannelPlan`]. Out, by one core with two views:
 //!
 //! * [`PhaseFrames`], for the network: the phase difference of every tag and antenna over each frame, or [why there is
-//!   none](Invalid). Reads may come a little late; times that cannot be are told.
+//!   none](Invalid), and [what the frame's reads tell as they are](Sighting). Reads may come a little late; times that cannot be
+//!   are told.
 //! * [`PhasePipeline`], for inspection: for each read the raw phase, the phase corrected for its channel, and the step since the
 //!   last read of the same tag by the same antenna. [`PhaseReport`] sums a recording up in figures.
 //!
@@ -54,6 +55,7 @@ mod reader_clock;
 mod report;
 mod rest;
 mod settings;
+mod sighting;
 mod track;
 mod tracks;
 
@@ -63,6 +65,7 @@ pub use invalid::Invalid;
 pub use pipeline::{PhasePipeline, PhaseSample, Step};
 pub use report::{IntervalCounts, PhaseReport, analyse};
 pub use settings::Settings;
+pub use sighting::Sighting;
 
 use rfhoi_shared::tag::{Epc, TagRead};
 use rfhoi_shared::units::{AntennaPort, ChannelIndex};

@@ -1,10 +1,11 @@
 //! A frame of both radios.
 
 use rfhoi_shared::units::BridgeTime;
+use rfhoi_shared::wire::Covariance;
 
 use crate::aoa::{Doubt, Estimate};
 use crate::maps::Flaw;
-use crate::phase::{Invalid, PhaseFrame};
+use crate::phase::{Invalid, PhaseFrame, Sighting};
 
 /// Maps of a frame.
 pub const MAPS: usize = 3;
@@ -36,6 +37,8 @@ pub enum MapInvalid {
     Folded,
     /// The bridge runs another profile.
     OtherProfile,
+    /// Nobody asked for it.
+    LeftOut,
 }
 
 impl MapInvalid {
@@ -46,6 +49,7 @@ impl MapInvalid {
             Self::Doubt(doubt) => doubt.reason(),
             Self::Folded => "velocity_aliased",
             Self::OtherProfile => "other_profile",
+            Self::LeftOut => "left_out",
         }
     }
 }
@@ -61,7 +65,15 @@ pub struct AlignedFrame {
     pub end: BridgeTime,
     /// Points of a map each way.
     pub points: usize,
-    /// Directions of what moves, where the covariance came.
+    /// Whether the radar sent anything of it.
+    pub sent: bool,
+    /// Range-Doppler cells that moved, where the bridge's account of the frame came.
+    pub moving_cells: Option<u32>,
+    /// Strongest cell of the range-Doppler map over its floor, dB, where there is a map.
+    pub peak_db: Option<f32>,
+    /// Spatial covariance of what moves, where it came.
+    pub covariance: Option<Covariance>,
+    /// Directions of what moves, where the covariance came and angles are not left out.
     pub estimate: Option<Estimate>,
     pub(super) maps: [Vec<f32>; MAPS],
     pub(super) invalid: [Option<MapInvalid>; MAPS],
@@ -76,6 +88,10 @@ impl AlignedFrame {
             begin,
             end: begin,
             points,
+            sent: false,
+            moving_cells: None,
+            peak_db: None,
+            covariance: None,
             estimate: None,
             maps: std::array::from_fn(|_| vec![0.0; points * points]),
             invalid: [None; MAPS],
@@ -105,5 +121,11 @@ impl AlignedFrame {
     /// Why it is not known.
     pub fn phase(&self, tag: usize, antenna: usize) -> Result<f32, Invalid> {
         self.phases.tag(tag).get(antenna).copied().unwrap_or(Err(Invalid::NeverSeen))
+    }
+
+    /// What the reads of one tag by one antenna (from 0) tell as they are.
+    pub fn sighting(&self, tag: usize, antenna: usize) -> Sighting {
+        let sightings = self.phases.sightings().chunks_exact(self.phases.antennas()).nth(tag);
+        sightings.and_then(|of_tag| of_tag.get(antenna)).copied().unwrap_or_default()
     }
 }

@@ -19,7 +19,7 @@ mod grid;
 mod stream;
 
 pub use frame::{AlignedFrame, MAPS, MapInvalid, MapName};
-pub use stream::{AlignError, FrameStream, Settings, StreamCounts};
+pub use stream::{AlignError, Angles, FrameStream, Settings, StreamCounts};
 
 #[cfg(test)]
 mod tests;

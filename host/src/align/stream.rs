@@ -23,6 +23,18 @@ const SILENCE: u64 = 3;
 /// A reader that has sent nothing for so long is not waited for.
 const READER_SILENT_US: u64 = 1_000_000;
 
+/// How the angle map is made.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub enum Angles {
+    /// With the defaults for the profile's array.
+    #[default]
+    Default,
+    /// With these settings, but the points of the other maps.
+    Of(aoa::Settings),
+    /// Not at all: it stays zero and invalid.
+    LeftOut,
+}
+
 /// What a stream is made for.
 #[derive(Debug, Clone)]
 pub struct Settings {
@@ -30,8 +42,8 @@ pub struct Settings {
     pub radar: RadarConfig,
     /// Points of a map each way.
     pub points: usize,
-    /// Angle of arrival, whose points become those of the maps; `None` takes the defaults for the profile's array.
-    pub angles: Option<aoa::Settings>,
+    /// Angle of arrival.
+    pub angles: Angles,
     /// Phase differences.
     pub phases: phase::Settings,
     /// The tags, in the order of a frame's; if there are none, all tags in the order of first sight.
@@ -46,7 +58,7 @@ impl Settings {
     /// The defaults for `radar`: maps of 64 points, tags as they come.
     pub fn new(radar: RadarConfig) -> Self {
         Self {
-            angles: None,
+            angles: Angles::Default,
             radar,
             points: 64,
             phases: phase::Settings::default(),
@@ -90,7 +102,8 @@ pub struct FrameStream {
     receiver: Receiver,
     maps: MapPair,
     velocity: VelocityGuard,
-    estimator: Estimator,
+    /// `None` where angles are left out.
+    estimator: Option<Estimator>,
     square: AngleSquare,
     phases: PhaseFrames,
     points: usize,
@@ -120,15 +133,16 @@ impl FrameStream {
     pub fn new(settings: Settings) -> Result<Self, AlignError> {
         let Settings { radar, points, angles, phases, tags, calibration, patience_us } = settings;
         let angles = match angles {
-            Some(settings) => settings,
-            None => aoa::Settings::of(&radar.profile)?,
+            Angles::Default => Some(aoa::Settings::of(&radar.profile)?),
+            Angles::Of(settings) => Some(settings),
+            Angles::LeftOut => None,
         };
-        let angles = aoa::Settings { points, ..angles };
+        let estimator = |settings| Estimator::new(&radar.profile, aoa::Settings { points, ..settings });
         Ok(Self {
             receiver: Receiver::new(),
             maps: MapPair::new(&radar, points)?,
             velocity: VelocityGuard::new(&radar),
-            estimator: Estimator::new(&radar.profile, angles)?,
+            estimator: angles.map(estimator).transpose()?,
             square: AngleSquare::new(),
             phases: PhaseFrames::with_calibration(phases, &tags, &calibration),
             points,
@@ -324,8 +338,13 @@ impl FrameStream {
             .pop()
             .unwrap_or_else(|| AlignedFrame::empty(self.points, self.phases.latest().clone()));
         aligned.number = number;
-        aligned.estimate = None;
+        aligned.sent = false;
+        (aligned.moving_cells, aligned.peak_db) = (None, None);
+        (aligned.covariance, aligned.estimate) = (None, None);
         aligned.invalid = [Some(MapInvalid::Flaw(Flaw::Missing)); MAPS];
+        if self.estimator.is_none() {
+            aligned.invalid[MapName::Angle as usize] = Some(MapInvalid::LeftOut);
+        }
         for map in &mut aligned.maps {
             map.fill(0.0);
         }
@@ -334,6 +353,7 @@ impl FrameStream {
 
     /// Puts the radar's part into a frame.
     fn fill(&mut self, frame: &RadarFrame, aligned: &mut AlignedFrame) {
+        aligned.sent = true;
         if frame.info.is_some_and(|info| info.profile != self.profile) {
             aligned.invalid = [Some(MapInvalid::OtherProfile); MAPS];
             return;
@@ -346,11 +366,14 @@ impl FrameStream {
         let folded = folded.then_some(MapInvalid::Folded);
         aligned.invalid[MapName::RangeTime as usize] = time;
         aligned.invalid[MapName::RangeDoppler as usize] = doppler.or(folded);
-        let Some(covariance) = &frame.covariance else { return };
-        let cells = frame.info.map_or(0, |info| info.moving_cells);
-        let estimate = self.estimator.estimate(covariance, cells);
+        aligned.moving_cells = frame.info.map(|info| info.moving_cells);
+        aligned.peak_db =
+            Some(maps.range_doppler.peak_db - maps.range_doppler.floor_db).filter(|db| db.is_finite());
+        aligned.covariance.clone_from(&frame.covariance);
+        let (Some(covariance), Some(estimator)) = (&frame.covariance, &mut self.estimator) else { return };
+        let estimate = estimator.estimate(covariance, aligned.moving_cells.unwrap_or(0));
         if estimate.doubt.is_none_or(|doubt| !doubt.is_empty()) {
-            self.square.map(self.estimator.map_db(), angle);
+            self.square.map(estimator.map_db(), angle);
         }
         // Rows of maps that are lost on the way take nothing from the covariance; losses before it do.
         let before = maps.range_doppler.flaw.filter(|flaw| matches!(flaw, Flaw::ChirpsLost | Flaw::Clipped));

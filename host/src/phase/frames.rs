@@ -14,6 +14,7 @@ use serde::Serialize;
 
 use super::calibration::Calibration;
 use super::reader_clock::ReaderClock;
+use super::sighting::{Seen, Sighting, Sightings};
 use super::tracks::Tracks;
 use super::{ChannelPlan, Invalid, MAX_ANTENNAS, MAX_TAGS, Settings};
 
@@ -31,14 +32,16 @@ pub struct PhaseFrame {
     pub end: BridgeTime,
     antennas: usize,
     differences: Vec<Result<f32, Invalid>>,
+    sightings: Vec<Sighting>,
 }
 
 impl PhaseFrame {
     /// Becomes a copy of `other` in its own memory.
     pub(crate) fn copy_from(&mut self, other: &Self) {
-        let Self { begin, end, antennas, differences } = other;
+        let Self { begin, end, antennas, differences, sightings } = other;
         (self.begin, self.end, self.antennas) = (*begin, *end, *antennas);
         self.differences.clone_from(differences);
+        self.sightings.clone_from(sightings);
     }
 
     /// Tags.
@@ -59,6 +62,11 @@ impl PhaseFrame {
     /// The same of one tag, by antenna port; empty for a tag that is not there.
     pub fn tag(&self, tag: usize) -> &[Result<f32, Invalid>] {
         self.differences.chunks_exact(self.antennas).nth(tag).unwrap_or(&[])
+    }
+
+    /// By tag, then by antenna port: what reads tell as they are.
+    pub fn sightings(&self) -> &[Sighting] {
+        &self.sightings
     }
 }
 
@@ -103,6 +111,7 @@ struct History {
     /// Last read that was left out, and why.
     refused: Option<(u64, Invalid)>,
     border: Option<Border>,
+    sightings: Sightings,
 }
 
 #[derive(Debug, Clone, Copy)]
@@ -152,7 +161,7 @@ impl PhaseFrames {
             newest: begin,
             clock: ReaderClock::default(),
             histories: Vec::new(),
-            frame: PhaseFrame { begin, end: begin, antennas, differences: Vec::new() },
+            frame: PhaseFrame { begin, end: begin, antennas, differences: Vec::new(), sightings: Vec::new() },
             dropped: Dropped::default(),
         };
         frames.grow();
@@ -220,8 +229,10 @@ impl PhaseFrames {
         self.frame.end = end;
         let antennas = self.frame.antennas;
         let clock_wrong = self.clock.verdict(end, &self.tracks.settings);
-        let cells = self.frame.differences.iter_mut().zip(&mut self.histories).enumerate();
-        for (cell, (difference, history)) in cells {
+        let PhaseFrame { differences, sightings, .. } = &mut self.frame;
+        let cells = differences.iter_mut().zip(sightings).zip(&mut self.histories).enumerate();
+        for (cell, ((difference, sighting), history)) in cells {
+            *sighting = history.sightings.frame(begin.0, end.0);
             let holds = Holds::of(&self.tracks, cell / antennas);
             let found = history.difference(begin.0, end.0, holds);
             *difference = match found {
@@ -238,6 +249,7 @@ impl PhaseFrames {
         let empty = || History { points: VecDeque::with_capacity(KEPT), ..History::default() };
         self.histories.resize_with(cells, empty);
         self.frame.differences.resize(cells, Err(Invalid::NeverSeen));
+        self.frame.sightings.resize(cells, Sighting::default());
     }
 
     fn take_until(&mut self, until: BridgeTime) {
@@ -263,6 +275,10 @@ impl PhaseFrames {
         let Some((track, look)) = self.tracks.push(tag, &read) else { return };
         let history = &mut self.histories[tag * self.frame.antennas + usize::from(read.antenna.0) - 1];
         let broken = look.step.and_then(|step| step.turned.err());
+        if broken != Some(Invalid::NotLater) {
+            let seen = Seen { reading: look.reading, rssi: read.rssi, upright: look.taken };
+            history.sightings.add(seen);
+        }
         if look.taken {
             let (phase, rate) = self.tracks.estimate(track);
             history.add(Point { time: read.time.0, phase, rate, broken });

@@ -5,6 +5,7 @@ use std::f64::consts::{PI, TAU};
 use rfhoi_shared::tag::{Epc, TagRead};
 use rfhoi_shared::units::{AntennaPort, BridgeTime, CentiDbm, ChannelIndex, PhaseCode};
 
+use super::super::circular;
 use super::*;
 
 const FRAME_US: u64 = 100_000;
@@ -148,4 +149,52 @@ fn more_tags_than_fit_are_counted() {
     }
     assert_eq!(frame(&mut frames, 10).tags(), MAX_TAGS);
     assert_eq!((frames.epcs().len(), frames.dropped().other_tags), (MAX_TAGS, 3));
+}
+
+#[test]
+fn reads_tell_how_many_how_strong_and_how_far_however_fast_the_tag_is() {
+    // Read each 70 ms at 2 m/s: 5.3 rad, which no guard lets through.
+    let rate = 2.0 * 4.0 * PI / 0.332;
+    let phase = |s: f64| if s < 1.0 { 0.0 } else { rate * (s - 1.0) };
+    let mut frames = PhaseFrames::new(Settings::default());
+    let times: Vec<u64> = (0..30).map(|n| n * 70_000).collect();
+    let all: Vec<_> = times.iter().map(|&us| read(us, 1, 1, 1, phase(us as f64 * 1e-6))).collect();
+    push_all(&mut frames, &all);
+    for number in 1..20 {
+        let frame = frame(&mut frames, number);
+        let sighting = frame.sightings()[0];
+        let (begin, end) = (number * FRAME_US, (number + 1) * FRAME_US);
+        let within = times.iter().filter(|&&us| us > begin && us <= end);
+        assert_eq!((sighting.reads, sighting.rssi_dbm), (within.count() as u32, Some(-45.0)));
+        let last = |until: u64| *times.iter().rfind(|&&us| us <= until).unwrap() as f64 * 1e-6;
+        let turned = circular::wrap(phase(last(end)) - phase(last(begin)));
+        let off = circular::wrap(f64::from(sighting.turn.unwrap()) - turned);
+        assert!(off.abs() < 2e-3, "{number}: {off}");
+        assert_eq!(frame.sightings()[1..], [Sighting::default(); 3], "nobody else has read it");
+    }
+    let moving = frame(&mut frames, 20).tag(0)[0];
+    assert!(moving.is_err(), "{moving:?}");
+}
+
+#[test]
+fn turns_compare_what_compares() {
+    // Each channel has an offset of its own, which is not known at first.
+    let hopping = |from: u64, until: u64| {
+        let times = (from..until).step_by(40_000);
+        times.map(|us| {
+            let channel = us / 200_000 % 2 + 1;
+            read(us, 1, 1, channel as u16, 1.3 * channel as f64)
+        })
+    };
+    let mut frames = PhaseFrames::new(Settings::default());
+    let mut turn = |number: u64| {
+        push_all(&mut frames, &hopping(number * FRAME_US, (number + 1) * FRAME_US).collect::<Vec<_>>());
+        frame(&mut frames, number).sightings()[0].turn
+    };
+    let turns: Vec<_> = (0..30).map(&mut turn).collect();
+    assert!(turns.iter().all(|turn| turn.is_some_and(|turn| turn.abs() < 0.05)), "{turns:?}");
+    // A clock that was set back.
+    push_all(&mut frames, &hopping(500_000, 520_000).collect::<Vec<_>>());
+    let sighting = frames.frame(BridgeTime(490_000), BridgeTime(590_000)).sightings()[0];
+    assert_eq!((sighting.reads, sighting.turn), (1, None));
 }

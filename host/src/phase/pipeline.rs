@@ -65,7 +65,7 @@ impl PhasePipeline {
             time: read.time,
             key: PhaseKey::of(read),
             raw,
-            corrected: look.corrected,
+            corrected: look.reading.corrected.map(|corrected| corrected.phase),
             step: look.step,
         })
     }

@@ -38,24 +38,46 @@ const HOP_NOISE: f64 = 0.08;
 const REST_BAND: f64 = 0.1;
 
 /// A read's part that matters here.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Reading {
     /// Bridge's time, us.
     pub(super) time: u64,
     pub(super) channel: ChannelIndex,
     /// Phase as reported, rad in [0, 2 pi).
     pub(super) raw: f64,
+    /// Phase less its channel's offset, as that was known when it was read.
+    pub(super) corrected: Option<Corrected>,
 }
 
 /// What a read has led to.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Look {
-    /// Phase less its channel's offset.
-    pub(super) corrected: Option<f64>,
+    pub(super) reading: Reading,
     /// Step from the last read that was taken.
     pub(super) step: Option<Step>,
     /// Whether the next step begins here. It does not if the read came too late or with the carrier's sign turned.
     pub(super) taken: bool,
+}
+
+impl Reading {
+    /// The turn to a later read, modulo 2 pi.
+    pub(super) fn turn_to(&self, later: &Self) -> Result<f64, Invalid> {
+        if [self, later].iter().any(|reading| place(reading.channel).is_none()) {
+            return Err(Invalid::ChannelUnknown);
+        }
+        if self.channel == later.channel {
+            return Ok(later.raw - self.raw);
+        }
+        match (self.corrected, later.corrected) {
+            (Some(from), Some(to)) if from.tie == to.tie => {
+                if from.doubted || to.doubted {
+                    return Err(Invalid::StaleCalibration);
+                }
+                Ok(to.phase - from.phase)
+            }
+            _ => Err(Invalid::UncalibratedHop),
+        }
+    }
 }
 
 /// One tag as one antenna sees it.
@@ -63,7 +85,7 @@ pub(super) struct Look {
 pub(super) struct Track {
     offsets: Offsets,
     level: Level,
-    last: Option<(Reading, Option<Corrected>)>,
+    last: Option<Reading>,
     filter: PhaseFilter,
     /// Counts how often the way was lost.
     epoch: u32,
@@ -118,20 +140,20 @@ impl Track {
 
     /// Takes a read. `rest` is what all antennas know of the tag.
     pub(super) fn push(&mut self, now: Reading, rest: &mut Rest, settings: &Settings) -> Look {
-        if self.last.is_some_and(|(last, _)| now.time <= last.time) {
+        if self.last.is_some_and(|last| now.time <= last.time) {
             let step = Some(Step { us: 0, turned: Err(Invalid::NotLater) });
-            return Look { corrected: None, step, taken: false };
+            return Look { reading: now, step, taken: false };
         }
         let known = place(now.channel).is_some();
         if known {
             let rests = rest.span().map(|(since, _)| since);
             self.offsets.visit(now.channel, now.time, rests, self.place(), &settings.learning);
         }
-        let corrected = self.correct(now, settings);
+        let now = Reading { corrected: self.correct(now, settings), ..now };
         let (step, taken) = match self.last {
-            Some((last, _)) => {
+            Some(last) => {
                 let us = now.time - last.time;
-                let (turned, taken) = self.step(last, now, corrected, rest, settings);
+                let (turned, taken) = self.step(last, now, rest, settings);
                 (Some(Step { us, turned }), taken)
             }
             None => {
@@ -142,18 +164,18 @@ impl Track {
         if taken {
             self.refused = 0;
             self.flips *= 1.0 - 1.0 / FLIP_MEMORY;
-            self.last = Some((now, corrected));
+            self.last = Some(now);
             if known {
                 self.offsets.add(now.time, now.raw);
-                self.watch(now, corrected, rest, settings);
+                self.watch(now, rest, settings);
             }
         }
-        Look { corrected: corrected.map(|c| c.phase), step, taken }
+        Look { reading: now, step, taken }
     }
 
     /// Compares the phase with where it stayed.
-    fn watch(&mut self, now: Reading, corrected: Option<Corrected>, rest: &mut Rest, settings: &Settings) {
-        let (basis, phase) = match corrected {
+    fn watch(&mut self, now: Reading, rest: &mut Rest, settings: &Settings) {
+        let (basis, phase) = match now.corrected {
             Some(Corrected { phase, tie, doubted: false }) => (Basis::Tie(tie), phase),
             _ => (Basis::Channel(now.channel.0), now.raw),
         };
@@ -171,7 +193,6 @@ impl Track {
         &mut self,
         last: Reading,
         now: Reading,
-        corrected: Option<Corrected>,
         rest: &Rest,
         settings: &Settings,
     ) -> (Result<f64, Invalid>, bool) {
@@ -206,7 +227,10 @@ impl Track {
         if !promised && !followed {
             return (self.restart(now, settings, Invalid::TooLong), true);
         }
-        let turn = match self.turn(last, now, corrected, settings) {
+        // As it was corrected when it was read: what its offset has been refined by since is no movement.
+        let before = last.corrected.filter(|last| now.corrected.is_some_and(|now| now.tie == last.tie));
+        let before = before.or_else(|| self.correct(last, settings));
+        let turn = match (Reading { corrected: before, ..last }).turn_to(&now) {
             Ok(turn) => turn,
             Err(why) => {
                 self.filter.coast(&expected);
@@ -229,31 +253,6 @@ impl Track {
         self.steps += 1;
         let turned = expected.turn + beyond;
         (self.trusted(last, now, rest, settings).map(|()| turned), true)
-    }
-
-    /// The turn modulo 2 pi.
-    fn turn(
-        &self,
-        last: Reading,
-        now: Reading,
-        corrected: Option<Corrected>,
-        settings: &Settings,
-    ) -> Result<f64, Invalid> {
-        if last.channel == now.channel {
-            return Ok(now.raw - last.raw);
-        }
-        // As it was corrected when it was read: what its offset has been refined by since is no movement.
-        let before = self.last.and_then(|(_, corrected)| corrected);
-        let before = before.filter(|before| corrected.is_some_and(|now| now.tie == before.tie));
-        match (before.or_else(|| self.correct(last, settings)), corrected) {
-            (Some(last), Some(now)) if last.tie == now.tie => {
-                if last.doubted || now.doubted {
-                    return Err(Invalid::StaleCalibration);
-                }
-                Ok(now.phase - last.phase)
-            }
-            _ => Err(Invalid::UncalibratedHop),
-        }
     }
 
     /// The phase has gone to where the tag cannot be.

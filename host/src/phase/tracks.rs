@@ -119,7 +119,7 @@ impl Tracks {
         }
         self.newest = self.newest.max(read.time);
         let track = self.track(tag, read.antenna);
-        let now = Reading { time: read.time.0, channel: read.channel, raw };
+        let now = Reading { time: read.time.0, channel: read.channel, raw, corrected: None };
         Some((track, self.tracks[track].push(now, &mut self.tags[tag].rest, &self.settings)))
     }
 }

@@ -27,9 +27,6 @@
 //! [`Covariance`]: rfhoi_shared::wire::Covariance
 
 use std::path::{Path, PathBuf};
-use std::sync::Mutex;
-use std::sync::atomic::{AtomicBool, AtomicU32, AtomicUsize, Ordering};
-use std::time::Duration;
 
 use ndarray::{Array1, Array2, Array3};
 use rfhoi_firmware::dsp::level;
@@ -45,16 +42,15 @@ use super::sample::{Maker, Sample, SampleError, epoch};
 use super::scene::{SAMPLE_TAGS, Scene};
 use crate::atomic::{self, WriteError};
 use crate::hoi::{Action, Object};
+use crate::jobs::Jobs;
 use crate::npz::{Npz, NpzError};
 
 /// Name of the file that describes a set.
 pub const MANIFEST: &str = "manifest.json";
 /// Of the layout of manifest and shards.
-const VERSION: u32 = 1;
+pub const VERSION: u32 = 1;
 /// Samples of a shard.
 pub const SHARD_SAMPLES: u32 = 32;
-/// From look to look at how far it is.
-const POLL: Duration = Duration::from_millis(100);
 
 /// What is written.
 #[derive(Debug, Clone, Copy)]
@@ -186,51 +182,22 @@ fn make(
     progress: &mut dyn FnMut(f64) -> bool,
 ) -> Result<(), SetError> {
     let Options { wanted, effects, scenes, workers } = *options;
-    let total: usize = missing.iter().map(|(_, draws)| draws.len()).sum();
-    let (next, done) = (AtomicUsize::new(0), AtomicU32::new(0));
-    let stop = AtomicBool::new(false);
-    let failure = Mutex::new(None);
-    let work = || -> Result<(), SetError> {
+    let total = missing.iter().map(|(_, draws)| draws.len()).sum();
+    Jobs::new(missing.len(), total).run(workers, progress, |jobs| {
         let mut maker = Maker::new(wanted.domain, wanted.seed, effects, scenes)?;
-        while let Some((number, draws)) = missing.get(next.fetch_add(1, Ordering::Relaxed)) {
+        while let Some((number, draws)) = jobs.next().map(|job| missing[job]) {
             let mut samples = Vec::with_capacity(draws.len());
             for draw in *draws {
-                if stop.load(Ordering::Relaxed) {
+                if jobs.stopped() {
                     return Err(SetError::Interrupted);
                 }
                 samples.push(maker.make(draw)?);
-                done.fetch_add(1, Ordering::Relaxed);
+                jobs.done(1);
             }
             write_shard(&folder.join(shard_name(*number)), draws, &samples, epoch(&effects))?;
         }
         Ok(())
-    };
-    std::thread::scope(|scope| {
-        let threads: Vec<_> = (0..workers.clamp(1, missing.len().max(1)))
-            .map(|_| {
-                scope.spawn(|| {
-                    if let Err(error) = work() {
-                        stop.store(true, Ordering::Relaxed);
-                        // The first error is the cause, the others have only stopped.
-                        if let Ok(mut failure) = failure.lock() {
-                            failure.get_or_insert(error);
-                        }
-                    }
-                })
-            })
-            .collect();
-        while threads.iter().any(|t| !t.is_finished()) {
-            let share = f64::from(done.load(Ordering::Relaxed)) / total.max(1) as f64;
-            if !progress(share) {
-                stop.store(true, Ordering::Relaxed);
-            }
-            std::thread::sleep(POLL);
-        }
-    });
-    match failure.into_inner() {
-        Ok(Some(error)) => Err(error),
-        _ => Ok(()),
-    }
+    })
 }
 
 fn same_shapes(scenes: &[Scene]) -> Result<(), SetError> {
