@@ -11,6 +11,7 @@
 //! * [`stability`]: where these methods break, and whether they say so.
 //! * [`motion`]: recorded human motion, joints over time.
 //! * [`hoi`], [`simulate`]: the vocabulary of actions and objects, and labelled data from a simulated room.
+//! * `learn`, with the feature `train`: from data sets to models.
 //! * [`plan`]: the smallest profile, maps and antennas that a scene needs, and what they cost.
 //! * [`plot`]: pictures of maps and of series.
 //! * [`bridge`]: a bridge on the network: found, configured, watched.
@@ -28,6 +29,8 @@ pub mod features;
 pub mod flash;
 pub mod hoi;
 pub mod inspect;
+#[cfg(feature = "train")]
+pub mod learn;
 mod jobs;
 pub mod maps;
 pub mod motion;

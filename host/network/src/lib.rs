@@ -8,18 +8,22 @@
 //!
 //! * [`sample`]: what goes in and comes out, by shape and unit.
 //! * [`config`]: the shape of a network.
-//! * [`network`]: the network as Burn modules, [`model`]: as a file.
+//! * [`names`]: vectors of the names of things, and how a name is found.
+//! * [`network`]: the network as Burn modules, [`model`]: as a file, [`reference`]: a frame at a time.
 //! * [`execute`]: the network without Burn, in int8.
 //! * [`metrics`]: how good answers are.
 //! * `train`, with the feature of that name: training.
 
 pub mod config;
 pub mod execute;
+mod kept;
 pub mod metrics;
 pub mod model;
+pub mod names;
 pub mod network;
 mod positions;
 mod probability;
+pub mod reference;
 pub mod sample;
 #[cfg(feature = "train")]
 pub mod train;

@@ -1,6 +1,8 @@
 //! Command line: arguments in, text or one JSON object out, exit status 0, 1 (it failed) or 130 (stopped by Ctrl-C).
 
 mod bridge;
+#[cfg(feature = "train")]
+mod experiment;
 mod flash;
 mod inspect;
 mod plan;
@@ -8,6 +10,8 @@ mod replay;
 mod report;
 mod simulate;
 mod stability;
+#[cfg(feature = "train")]
+mod train;
 
 use std::io::IsTerminal;
 use std::path::{Path, PathBuf};
@@ -49,6 +53,21 @@ enum Command {
     Stability(stability::Stability),
     /// Find the smallest profile, maps and antennas that a scene needs, and what they cost.
     Plan(plan::Plan),
+    /// Train a network on a data set.
+    #[cfg(feature = "train")]
+    Train(train::Train),
+    /// Go on training a model on a part of another data set, and measure it on the rest.
+    #[cfg(feature = "train")]
+    Finetune(train::Finetune),
+    /// Measure a model on a data set.
+    #[cfg(feature = "train")]
+    Evaluate(train::Evaluate),
+    /// Make the int8 form of a model.
+    #[cfg(feature = "train")]
+    Quantize(train::Quantize),
+    /// Train and measure several networks, as one table.
+    #[cfg(feature = "train")]
+    Experiment(experiment::Experiment),
     /// Find, configure and watch bridges in the network.
     Bridge(bridge::Bridge),
     /// Program a board over its debug probe, and follow its log.
@@ -75,6 +94,16 @@ pub(crate) fn run(cli: &Cli) -> ExitCode {
         Command::Simulate(command) => command.run(cli.json),
         Command::Stability(command) => command.run(cli.json),
         Command::Plan(command) => command.run(cli.json),
+        #[cfg(feature = "train")]
+        Command::Train(command) => command.run(cli.json),
+        #[cfg(feature = "train")]
+        Command::Finetune(command) => command.run(cli.json),
+        #[cfg(feature = "train")]
+        Command::Evaluate(command) => command.run(cli.json),
+        #[cfg(feature = "train")]
+        Command::Quantize(command) => command.run(cli.json),
+        #[cfg(feature = "train")]
+        Command::Experiment(command) => command.run(cli.json),
         Command::Bridge(command) => command.run(cli.json),
         Command::Flash(command) => command.run(cli.json),
     };
@@ -223,7 +252,11 @@ fn stopped() -> bool {
 
 /// From here on, Ctrl-C sets a mark instead of ending the program.
 fn listen_for_ctrl_c() -> anyhow::Result<()> {
-    ctrlc::set_handler(|| STOPPED.store(true, Ordering::Relaxed)).context("cannot listen for Ctrl-C")
+    static LISTENS: OnceLock<()> = OnceLock::new();
+    if LISTENS.set(()).is_ok() {
+        ctrlc::set_handler(|| STOPPED.store(true, Ordering::Relaxed)).context("cannot listen for Ctrl-C")?;
+    }
+    Ok(())
 }
 
 /// Shows progress once something has taken a second, and listens for Ctrl-C.

@@ -9,13 +9,12 @@ use super::dense::{Dense, Input, Norm, Sink};
 use super::transformer::{Transformer, Work};
 use super::{Between, ExecuteError, leaky};
 use crate::config::{Fusion, LEAK, NetworkConfig};
+use crate::kept::Kept;
 use crate::model::{Model, Precision};
 use crate::network::token_of_tag;
 use crate::positions::positions;
 use crate::probability::softmax;
-use crate::sample::{
-    Answer, Frame, Frames, InputError, MAX_FRAMES, MAX_TAGS, READ_CHANNELS, Runner, SCALARS,
-};
+use crate::sample::{Answer, Frame, InputError, Runner};
 
 /// Runs a model, int8 or, to learn its scales, f32.
 #[derive(Debug, Clone)]
@@ -57,19 +56,6 @@ struct TagBranch {
 struct Head {
     first: Dense,
     second: Dense,
-}
-
-/// Frames that came.
-#[derive(Debug, Clone, Default)]
-struct Kept {
-    /// Number of the first that is kept.
-    first: usize,
-    /// Radar tokens, one after the other.
-    tokens: Vec<f32>,
-    /// Reads, `[frames][tags][antennas][READ_CHANNELS]`.
-    frames: Frames,
-    antennas: usize,
-    tags: Option<usize>,
 }
 
 #[derive(Debug, Clone, Default)]
@@ -377,82 +363,6 @@ impl Head {
         let next = Sink::Between(&self.second, between);
         self.first.run(kernels, Input::F32(evidence), None, scratch, next);
         self.second.run(kernels, Input::Between(between), None, scratch, Sink::F32(out));
-    }
-}
-
-impl Kept {
-    fn take(&mut self, config: &NetworkConfig, frame: Frame<'_>) -> Result<(), InputError> {
-        let shape = |what, given: usize, wanted: usize| match given == wanted {
-            true => Ok(()),
-            false => Err(InputError::Shape { what, given, wanted }),
-        };
-        shape("the maps of a frame", frame.maps.len(), crate::sample::MAPS * config.points * config.points)?;
-        shape("a frame's scalars", frame.scalars.len(), SCALARS)?;
-        let of_tag = self.antennas(config, frame) * READ_CHANNELS;
-        let tags = match self.tags {
-            Some(tags) => tags,
-            None if frame.reads.len().is_multiple_of(of_tag) => frame.reads.len() / of_tag,
-            None => return shape("the reads of a frame", frame.reads.len(), of_tag),
-        };
-        shape("the reads of a frame", frame.reads.len(), tags * of_tag)?;
-        if tags > MAX_TAGS {
-            return Err(InputError::TooManyTags(tags));
-        }
-        if frame.scalars.iter().any(|value| !value.is_finite()) {
-            return Err(InputError::NotFinite("a frame's scalars"));
-        }
-        if frame.reads.iter().any(|value| !value.is_finite()) {
-            return Err(InputError::NotFinite("the reads of a frame"));
-        }
-        self.tags = Some(tags);
-        self.antennas = of_tag / READ_CHANNELS;
-        self.frames.tags = tags;
-        self.frames.antennas = self.antennas;
-        self.frames.scalars.extend_from_slice(frame.scalars);
-        self.frames.reads.extend_from_slice(frame.reads);
-        Ok(())
-    }
-
-    /// Antennas of a frame's reads: those of the network, which is what features are made for.
-    fn antennas(&self, config: &NetworkConfig, _frame: Frame<'_>) -> usize {
-        if self.antennas > 0 { self.antennas } else { config.antennas }
-    }
-
-    /// Frames that are too old go, many at once.
-    fn forget(&mut self, width: usize) {
-        if self.frames.len() >= 2 * MAX_FRAMES {
-            let of_frame = self.frames.reads.len() / self.frames.len();
-            self.tokens.drain(..MAX_FRAMES * width);
-            self.frames.scalars.drain(..MAX_FRAMES * SCALARS);
-            self.frames.reads.drain(..MAX_FRAMES * of_frame);
-            self.first += MAX_FRAMES;
-        }
-    }
-
-    fn check(&self, config: &NetworkConfig, frames: &Range<usize>, names: &[f32]) -> Result<(), InputError> {
-        if frames.is_empty() || frames.len() > MAX_FRAMES {
-            return Err(InputError::Frames(frames.len()));
-        }
-        if frames.start < self.first || frames.end > self.first + self.frames.len() {
-            return Err(InputError::NotThere { first: frames.start, last: frames.end });
-        }
-        let wanted = self.tags.unwrap_or(0) * config.name_dimensions;
-        if names.len() != wanted {
-            return Err(InputError::Shape { what: "the vectors of names", given: names.len(), wanted });
-        }
-        match names.iter().all(|value| value.is_finite()) {
-            true => Ok(()),
-            false => Err(InputError::NotFinite("the vectors of names")),
-        }
-    }
-
-    fn clear(&mut self) {
-        self.first = 0;
-        self.tokens.clear();
-        self.frames.scalars.clear();
-        self.frames.reads.clear();
-        self.tags = None;
-        self.antennas = 0;
     }
 }
 

@@ -84,6 +84,16 @@ impl Batch {
         device: &Device,
     ) -> Result<Self, BatchError> {
         check(config, samples)?;
+        let frames = FrameTensors::new(config, samples.iter().map(|&(frames, _)| frames), device);
+        Ok(Self { frames, ..Self::without_frames(config, samples, device) })
+    }
+
+    /// All but what frames' radar tokens are made of, for those who have these tokens; samples that have been checked.
+    pub(crate) fn without_frames(
+        config: &NetworkConfig,
+        samples: &[(&Frames, Vec<&[f32]>)],
+        device: &Device,
+    ) -> Self {
         let frames: usize = samples.iter().map(|(frames, _)| frames.len()).sum();
         let longest = samples.iter().map(|(frames, _)| frames.len()).max().unwrap_or(0);
         let tags = samples.iter().map(|(frames, _)| frames.tags).max().unwrap_or(0).max(1);
@@ -124,8 +134,12 @@ impl Batch {
             }
         }
         let rows = samples.len() * tags;
-        Ok(Self {
-            frames: FrameTensors::new(config, samples.iter().map(|&(frames, _)| frames), device),
+        Self {
+            frames: FrameTensors {
+                maps: Vec::new(),
+                scalars: Tensor::zeros([1, SCALARS], device),
+                covariance: None,
+            },
             frame_index: Tensor::from_data(TensorData::new(index.clone(), [index.len()]), device),
             radar_stack,
             radar_valid: Tensor::from_data(radar_valid, device),
@@ -133,7 +147,7 @@ impl Batch {
             read_valid: Tensor::from_data(tensor(read_valid, &[rows, groups]), device),
             names: Tensor::from_data(tensor(names, &[samples.len(), tags, config.name_dimensions]), device),
             tag_valid: Tensor::from_data(tensor(tag_valid, &[samples.len(), tags]), device),
-        })
+        }
     }
 }
 

@@ -160,6 +160,8 @@ pub struct Trained {
     pub model: Model,
     /// All epochs.
     pub history: Vec<Epoch>,
+    /// Which the model is of.
+    pub best_epoch: u32,
 }
 
 /// The device to train on.
@@ -260,7 +262,7 @@ pub fn train(
     }
     let mut model = best.ok_or(TrainError::NoSamples)?;
     model.description = description.clone();
-    Ok(Trained { model, history: state.history })
+    Ok(Trained { model, best_epoch: state.best.unwrap_or(0), history: state.history })
 }
 
 impl Recipe {

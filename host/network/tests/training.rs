@@ -1,0 +1,151 @@
+//! Training on samples that mean nothing but themselves.
+#![cfg(feature = "train")]
+
+mod common;
+
+use common::{config, describe, farthest, names, run, sample};
+use rfhoi_network::config::{Encoder, Fusion, Temporal};
+use rfhoi_network::metrics::Metrics;
+use rfhoi_network::model::Model;
+use rfhoi_network::reference::Reference;
+use rfhoi_network::sample::Sample;
+use rfhoi_network::train::{Augment, Epoch, Folder, Material, Recipe, TrainError, Watch, answers, device, train};
+
+/// Stops after so many batches; never if there are none.
+struct After(Option<usize>);
+
+impl Watch for After {
+    fn batch(&mut self, _: u32, _: usize, _: usize, _: f64) -> bool {
+        self.0 = self.0.map(|left| left.saturating_sub(1));
+        self.0 != Some(0)
+    }
+
+    fn epoch(&mut self, _: &Epoch) {}
+}
+
+fn recipe(epochs: u32) -> Recipe {
+    Recipe {
+        epochs,
+        patience: 0,
+        batch: 16,
+        learning_rate: 3e-3,
+        augment: Augment::NONE,
+        ..Recipe::pre_training(7)
+    }
+}
+
+fn samples(seeds: std::ops::Range<u64>) -> Vec<Sample> {
+    seeds.map(|seed| sample(seed, 6 + seed as usize % 5, 3)).collect()
+}
+
+fn material<'a>(learn: &'a [&'a Sample], validation: &'a [&'a Sample], names: &'a [Vec<f32>]) -> Material<'a> {
+    Material { samples: learn, validation, names, interchangeable: (&[], &[]) }
+}
+
+fn trained(config: rfhoi_network::config::NetworkConfig, epochs: u32) -> Model {
+    let (learn, names) = (samples(0..160), names());
+    let learn: Vec<&Sample> = learn.iter().collect();
+    let description = describe(config);
+    train(&description, None, &recipe(epochs), material(&learn, &[], &names), None, &mut After(None)).unwrap().model
+}
+
+fn hoi(model: &Model) -> f64 {
+    let test = samples(1000..1100);
+    let network = model.network(&device()).unwrap();
+    let references: Vec<&Sample> = test.iter().collect();
+    let answers = answers(&network, &model.description.config, &references, &names()).unwrap();
+    Metrics::of(answers.iter().zip(&test), 0.0).hoi.value()
+}
+
+#[test]
+fn it_learns_what_is_there_and_each_radio_what_it_sees() {
+    let fused = hoi(&trained(config(Fusion::Concat), 12));
+    assert!(fused > 0.95, "{fused}");
+    // Which tag is meant only the reader knows: one of three is a guess.
+    let radar = hoi(&trained(config(Fusion::Radar), 4));
+    assert!(radar < 0.6, "{radar}");
+}
+
+#[test]
+fn every_shape_of_network_learns() {
+    let mut shapes = vec![config(Fusion::Film), config(Fusion::Attention), config(Fusion::None)];
+    let mut convolution = config(Fusion::Concat);
+    convolution.radar.temporal = Temporal::Convolution;
+    convolution.tags.temporal = Temporal::Convolution;
+    shapes.push(convolution);
+    for shape in shapes {
+        let named = format!("{:?} {:?}", shape.fusion, shape.radar.temporal);
+        let reached = hoi(&trained(shape, 12));
+        assert!(reached > 0.9, "{named}: {reached}");
+    }
+}
+
+#[test]
+fn beams_are_learnt_from_the_covariance() {
+    // The power from one of two directions says which action it is; maps say nothing.
+    let with_covariance = |mut sample: Sample| {
+        sample.frames.maps.fill(30);
+        let side = if sample.action == Some(0) { 0.9f32 } else { -0.9 };
+        sample.frames.covariance = (0..sample.frames.len()).flat_map(|_| [1.0, 1.0, side, 0.1]).collect();
+        sample
+    };
+    let (learn, test) = (samples(0..160), samples(1000..1060));
+    let [learn, test]: [Vec<Sample>; 2] = [learn, test].map(|set| set.into_iter().map(with_covariance).collect());
+    let mut shape = config(Fusion::Radar);
+    shape.encoder = Encoder::Beams { channels: [1, 1], stride: 2, pool: 2, antennas: 2, beams: 4 };
+    let names = names();
+    let references: Vec<&Sample> = learn.iter().collect();
+    let description = describe(shape);
+    let made = train(&description, None, &recipe(8), material(&references, &[], &names), None, &mut After(None));
+    let model = made.unwrap().model;
+    let references: Vec<&Sample> = test.iter().collect();
+    let network = model.network(&device()).unwrap();
+    let answers = answers(&network, &description.config, &references, &names).unwrap();
+    let action = Metrics::of(answers.iter().zip(&test), 0.0).action.value();
+    assert!(action > 0.95, "{action}");
+}
+
+#[test]
+fn padding_changes_nothing() {
+    let model = trained(config(Fusion::Concat), 2);
+    let mixed = [sample(1, 4, 1), sample(2, 19, 5), sample(3, 7, 3)];
+    let references: Vec<&Sample> = mixed.iter().collect();
+    let network = model.network(&device()).unwrap();
+    let together = answers(&network, &model.description.config, &references, &names()).unwrap();
+    let mut alone = Reference::new(&model).unwrap();
+    for (sample, answer) in mixed.iter().zip(&together) {
+        let single = run(&mut alone, sample);
+        assert!(farthest(&single.actions, &answer.actions) < 1e-5);
+        assert!(farthest(&single.targets, &answer.targets) < 1e-5);
+    }
+}
+
+#[test]
+fn a_killed_run_goes_on_as_if_it_had_not_been() {
+    let folders = [tempfile::tempdir().unwrap(), tempfile::tempdir().unwrap()];
+    let [whole, parts] = folders.each_ref().map(|folder| Folder(folder.path().join("run")));
+    let (learn, validation, names) = (samples(0..48), samples(500..516), names());
+    let (learn, validation): (Vec<&Sample>, Vec<&Sample>) = (learn.iter().collect(), validation.iter().collect());
+    let mut shape = config(Fusion::Concat);
+    // Dropout draws, too.
+    shape.dropout = 0.2;
+    let description = describe(shape);
+    let recipe = Recipe { augment: Augment::default(), ..recipe(3) };
+    let go = |folder: &Folder, stop: Option<usize>| {
+        train(&description, None, &recipe, material(&learn, &validation, &names), Some(folder), &mut After(stop))
+    };
+    let straight = go(&whole, None).unwrap();
+    // Three batches an epoch: in the middle of the first, the second, the third.
+    for stop in [2, 5, 5] {
+        assert!(matches!(go(&parts, Some(stop)), Err(TrainError::Interrupted)));
+    }
+    let resumed = go(&parts, None).unwrap();
+    assert_eq!(resumed.model, straight.model);
+    let losses = |history: &[Epoch]| history.iter().map(|epoch| epoch.loss).collect::<Vec<_>>();
+    assert_eq!(losses(&resumed.history), losses(&straight.history));
+    // Another recipe has no business in that folder.
+    let other = Recipe { learning_rate: 1e-4, ..recipe.clone() };
+    let refused =
+        train(&description, None, &other, material(&learn, &[], &names), Some(&parts), &mut After(None));
+    assert!(matches!(refused, Err(TrainError::Checkpoint(_))));
+}

@@ -1,0 +1,100 @@
+//! A data set as the network takes it, with the names' vectors.
+
+use std::path::Path;
+
+use rfhoi_network::names::Names;
+use rfhoi_network::sample::Sample;
+use rfhoi_network::train::Material;
+
+use crate::features::Settings;
+use crate::features::set::{self, SetError, SetFeatures};
+use crate::hoi::{Action, Object};
+
+/// A data set and what its objects' names mean.
+#[derive(Debug, Clone)]
+pub struct Data {
+    /// The samples and where they are from.
+    pub set: SetFeatures,
+    /// The radar's maps, as the set's manifest describes them.
+    pub maps: serde_json::Value,
+    /// Vectors of the set's objects by their numbers, and after them those of all things that are carried.
+    pub names: Vec<Vec<f32>>,
+    /// Numbers of things that are carried, and of the actions for which one carried thing may stand for another.
+    interchangeable: (Vec<usize>, Vec<usize>),
+}
+
+/// Why there is no data.
+#[derive(Debug, thiserror::Error)]
+pub enum DataError {
+    /// The set.
+    #[error(transparent)]
+    Set(#[from] SetError),
+    /// A name without a vector.
+    #[error("the object `{0}` of the set is not among the names; add it to the list in models/names and make their file anew")]
+    Name(String),
+    /// Actions of another vocabulary.
+    #[error("the set's actions are not those of this program")]
+    Actions,
+    /// The manifest.
+    #[error("{0} cannot be read")]
+    Manifest(String),
+}
+
+/// Reads the set in `folder`.
+///
+/// # Errors
+/// If it cannot be read, or has names without vectors.
+pub fn load(
+    folder: &Path,
+    settings: Settings,
+    names: &Names,
+    workers: usize,
+    progress: &mut dyn FnMut(f64) -> bool,
+) -> Result<Data, DataError> {
+    let options = set::Options { settings, profile: None, workers };
+    let set = set::load(folder, &options, progress)?;
+    if !set.actions.iter().map(String::as_str).eq(Action::ALL.iter().map(|action| action.name())) {
+        return Err(DataError::Actions);
+    }
+    let manifest = folder.join(crate::simulate::set::MANIFEST);
+    let unread = || DataError::Manifest(manifest.display().to_string());
+    let text = std::fs::read(&manifest).map_err(|_| unread())?;
+    let described: serde_json::Value = serde_json::from_slice(&text).map_err(|_| unread())?;
+    let mut vectors = Vec::new();
+    for object in &set.objects {
+        let place = names.lookup(object).place().ok_or_else(|| DataError::Name(object.clone()))?;
+        vectors.push(names.vector(place).to_vec());
+    }
+    let is_carried = |name: &String| Object::named(name).is_some_and(Object::is_carried);
+    let mut carried: Vec<usize> =
+        set.objects.iter().enumerate().filter(|(_, name)| is_carried(name)).map(|(number, _)| number).collect();
+    for place in (0..names.len()).filter(|&place| names.handling(place).carried()) {
+        carried.push(vectors.len());
+        vectors.push(names.vector(place).to_vec());
+    }
+    let agnostic = Action::ALL.iter().filter(|action| action.is_object_agnostic());
+    Ok(Data {
+        maps: described["maps"].clone(),
+        names: vectors,
+        interchangeable: (carried, agnostic.map(|action| action.index()).collect()),
+        set,
+    })
+}
+
+impl Data {
+    /// Samples at these places.
+    pub fn samples(&self, places: &[usize]) -> Vec<&Sample> {
+        places.iter().map(|&place| &self.set.samples[place]).collect()
+    }
+
+    /// What to learn from.
+    pub fn material<'a>(&'a self, samples: &'a [&'a Sample], validation: &'a [&'a Sample]) -> Material<'a> {
+        let (objects, actions) = &self.interchangeable;
+        Material { samples, validation, names: &self.names, interchangeable: (objects, actions) }
+    }
+
+    /// Vectors of a sample's tags, one after the other.
+    pub fn vectors(&self, sample: &Sample) -> Vec<f32> {
+        sample.objects.iter().flat_map(|&object| self.names[object].iter().copied()).collect()
+    }
+}

@@ -1,0 +1,105 @@
+//! Answers of a model to samples, as it would give them live: a frame at a time.
+
+use rfhoi_int8::Kernels;
+use rfhoi_network::execute::{ExecuteError, Executor};
+use rfhoi_network::metrics::Metrics;
+use rfhoi_network::model::{Model, ModelError, Precision};
+use rfhoi_network::reference::Reference;
+use rfhoi_network::sample::{Answer, InputError, Runner, Sample};
+
+use super::{Data, LEAST_PROBABILITY};
+
+/// Temperatures that are tried, from the first in equal ratios.
+const TEMPERATURES: (f32, f32, usize) = (0.3, 1.05, 60);
+
+/// Why there are no answers.
+#[derive(Debug, thiserror::Error)]
+pub enum MeasureError {
+    /// The model cannot run.
+    #[error(transparent)]
+    Execute(#[from] ExecuteError),
+    /// The model.
+    #[error(transparent)]
+    Model(#[from] ModelError),
+    /// A sample.
+    #[error(transparent)]
+    Input(#[from] InputError),
+    /// The user stopped it.
+    #[error("stopped")]
+    Interrupted,
+}
+
+/// What runs a model: f32 on Burn, int8 with our kernels.
+///
+/// # Errors
+/// If the model's weights do not fit its network.
+pub fn runner(model: &Model, kernels: Kernels) -> Result<Box<dyn Runner>, MeasureError> {
+    Ok(match model.description.precision {
+        Precision::F32 => Box::new(Reference::new(model)?),
+        Precision::Int8 => Box::new(Executor::new(model, kernels)?),
+    })
+}
+
+/// Answers to samples, each by itself. `progress` is told the share that is done and says whether to go on.
+///
+/// # Errors
+/// If the model does not run, or a sample does not fit it.
+pub fn answers(
+    model: &Model,
+    data: &Data,
+    samples: &[&Sample],
+    progress: &mut dyn FnMut(f64) -> bool,
+) -> Result<Vec<Answer>, MeasureError> {
+    let mut runner = runner(model, Kernels::best())?;
+    let mut answers = Vec::with_capacity(samples.len());
+    for (number, sample) in samples.iter().enumerate() {
+        if !progress(number as f64 / samples.len() as f64) {
+            return Err(MeasureError::Interrupted);
+        }
+        runner.clear();
+        for number in 0..sample.frames.len() {
+            runner.push(sample.frames.frame(number))?;
+        }
+        answers.push(runner.answer(0..sample.frames.len(), &data.vectors(sample))?);
+    }
+    Ok(answers)
+}
+
+/// The temperature at which said probabilities of actions and targets are likeliest (Guo et al. 2017, section 4.2), from answers
+/// at temperature 1.
+pub fn calibrate(answers: &[Answer], samples: &[&Sample]) -> f32 {
+    let (first, ratio, count) = TEMPERATURES;
+    let loss = |temperature: f32| -> f64 {
+        let of = |probabilities: &[f32], right: usize| {
+            // The probabilities at another temperature are their powers, made to sum to 1 again.
+            let powers: Vec<f64> =
+                probabilities.iter().map(|p| f64::from(p.max(1e-9)).powf(1.0 / f64::from(temperature))).collect();
+            -(powers[right] / powers.iter().sum::<f64>()).ln()
+        };
+        answers.iter().zip(samples).fold(0.0, |sum, (answer, sample)| {
+            let action = of(&answer.actions, sample.action.unwrap_or(answer.actions.len() - 1));
+            sum + action + sample.target.map_or(0.0, |target| of(&answer.targets, target))
+        })
+    };
+    let tried = (0..count).map(|n| first * ratio.powi(n as i32));
+    tried.min_by(|a, b| loss(*a).total_cmp(&loss(*b))).unwrap_or(1.0)
+}
+
+/// Figures of a model on samples.
+///
+/// # Errors
+/// As [`answers`].
+pub fn metrics(
+    model: &Model,
+    data: &Data,
+    samples: &[&Sample],
+    progress: &mut dyn FnMut(f64) -> bool,
+) -> Result<Metrics, MeasureError> {
+    let answers = answers(model, data, samples, progress)?;
+    let least = if model.description.least_probability > 0.0 {
+        model.description.least_probability
+    } else {
+        LEAST_PROBABILITY
+    };
+    Ok(Metrics::of(answers.iter().zip(samples.iter().copied()), least))
+}

@@ -1,0 +1,49 @@
+//! Fine-tuning on a part of a set.
+
+use rfhoi_network::model::Model;
+use rfhoi_network::train::{self, Folder, Recipe, TrainError, Trained, Watch};
+use serde_json::json;
+
+use super::{Data, LEAST_PROBABILITY, Split, calibrate};
+
+/// Share of the samples to learn from that is held back to learn how much probabilities are to be believed.
+const HELD_BACK: f64 = 0.1;
+
+/// Tunes `from` on the part of `data` that is to be learnt from. A tenth of that part is held back: from it comes the
+/// temperature of the model's probabilities.
+///
+/// # Errors
+/// As [`train::train`].
+pub fn tune(
+    from: &Model,
+    data: &Data,
+    split: &Split,
+    recipe: &Recipe,
+    command: &str,
+    folder: Option<&Folder>,
+    watch: &mut dyn Watch,
+) -> Result<Trained, TrainError> {
+    let held_back = (split.learn.len() as f64 * HELD_BACK) as usize;
+    let (held_back, learn) = split.learn.split_at(held_back);
+    let (samples, held_back) = (data.samples(learn), data.samples(held_back));
+    let mut description = from.description.clone();
+    description.temperature = 1.0;
+    description.least_probability = LEAST_PROBABILITY;
+    if let Some(steps) = description.provenance["steps"].as_array_mut() {
+        steps.push(json!({
+            "command": command,
+            "domain": data.set.domain,
+            "set_seed": data.set.seed,
+            "samples": samples.len(),
+            "recipe": recipe,
+        }));
+    }
+    let material = data.material(&samples, &[]);
+    let mut tuned = train::train(&description, Some(from), recipe, material, folder, watch)?;
+    if !held_back.is_empty() {
+        let network = tuned.model.network(&train::device())?;
+        let answers = train::answers(&network, &description.config, &held_back, &data.names)?;
+        tuned.model.description.temperature = calibrate(&answers, &held_back);
+    }
+    Ok(tuned)
+}
