@@ -6,6 +6,7 @@
 use std::alloc::System;
 
 use rfhoi::align::{FrameStream, MapName, Settings, StreamCounts};
+use rfhoi::features::FrameFeatures;
 use rfhoi_tests::simulated::traffic::Traffic;
 use stats_alloc::{INSTRUMENTED_SYSTEM, Region, StatsAlloc};
 
@@ -43,22 +44,28 @@ fn nothing_is_allocated_a_frame_and_hours_leave_no_trace() {
     let mut stream = FrameStream::new(Settings::new(traffic.config().clone())).unwrap();
     // The lead-in, all tags seen, every channel learnt.
     let turn = traffic.frames() as u32;
-    run(&mut traffic, &mut stream, 20 * turn, |_| {});
+    let mut features = FrameFeatures::new(4, Some(traffic.config().profile.virtual_count()));
+    run(&mut traffic, &mut stream, 20 * turn, |frame| {
+        features.frame(frame);
+    });
     assert_eq!(stream.epcs().len(), 6);
 
-    let (mut frames, mut with_maps, mut differences) = (0u64, 0u64, 0u64);
+    let (mut frames, mut with_maps, mut differences, mut finite) = (0u64, 0u64, 0u64, true);
     let before = stream.counts();
     let region = Region::new(ALLOCATOR);
     run(&mut traffic, &mut stream, 20 * turn, |frame| {
         frames += 1;
         with_maps += u64::from(frame.invalid(MapName::RangeDoppler).is_none());
         differences += frame.phases().differences().iter().filter(|d| d.is_ok()).count() as u64;
+        let shown = features.frame(frame);
+        finite &= [shown.scalars, shown.reads, shown.covariance].into_iter().flatten().all(|x| x.is_finite());
     });
     let used = region.change();
     assert_eq!((used.allocations, used.reallocations), (0, 0), "{used:?}");
     assert_eq!(frames, u64::from(20 * turn));
     // It is at work all the same: somebody moves in most frames, and most tags rest.
     assert!(with_maps > frames / 4 && differences > 6 * frames, "{with_maps} {differences} of {frames}");
+    assert!(finite, "the network takes numbers");
 
     let soaked = (hours * 36_000.0) as u32;
     let (began, resident) = (std::time::Instant::now(), resident_kb());
