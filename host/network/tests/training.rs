@@ -92,7 +92,7 @@ fn beams_are_learnt_from_the_covariance() {
     let (learn, test) = (samples(0..160), samples(1000..1060));
     let [learn, test]: [Vec<Sample>; 2] = [learn, test].map(|set| set.into_iter().map(with_covariance).collect());
     let mut shape = config(Fusion::Radar);
-    shape.encoder = Encoder::Beams { channels: [1, 1], stride: 2, pool: 2, antennas: 2, beams: 4 };
+    shape.encoder = Encoder::Beams { channels: [1, 1], strides: [2, 2], pool: 1, antennas: 2, beams: 4 };
     let names = names();
     let references: Vec<&Sample> = learn.iter().collect();
     let description = describe(shape);

@@ -180,7 +180,7 @@ impl Modality {
         let split = learn::random_split(data.set.samples.len(), self.share, seed);
         let samples = data.samples(&split.test);
         let progress = Progress::new(format!("measuring {}", folder.display()))?;
-        let mut measure = |model: &Model| learn::metrics(model, &data, &samples, &mut |share| progress.show(share));
+        let measure = |model: &Model| learn::metrics(model, &data, &samples, &mut |share| progress.show(share));
         let f32 = measure(&model)?;
         let calibration = &split.learn[..learn::CALIBRATION_SAMPLES.min(split.learn.len())];
         let quantised = rfhoi_network::execute::quantize(&model, &data.samples(calibration), &data.names);

@@ -123,8 +123,8 @@ impl NetworkArgs {
             config.radar.temporal = Temporal::Convolution;
         }
         if let Some(beams) = self.beams {
-            let (channels, stride, pool) = config.encoder.convolutions();
-            config.encoder = Encoder::Beams { channels, stride, pool, antennas: virtual_antennas, beams };
+            let (channels, strides, pool) = config.encoder.convolutions();
+            config.encoder = Encoder::Beams { channels, strides, pool, antennas: virtual_antennas, beams };
         }
         let angles: AngleMap = self.angles.into();
         config.maps[2] = angles != AngleMap::None;
