@@ -6,6 +6,8 @@
 //! names -----------------> [name projection] ------------------------------------------------------ +             +--> target
 //! ```
 //!
+//! * [`names`]: vectors of the names of things, and how a name is found.
 //! * [`sample`]: what goes in and comes out, by shape and unit.
 
+pub mod names;
 pub mod sample;
