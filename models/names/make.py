@@ -8,11 +8,14 @@ The file, as `host/network/src/names.rs` reads it: 8 bytes of magic, whose last 
 the CRC-32 (ISO-HDLC) of all that, little-endian.
 """
 
+import os
 import struct
 import sys
 import zlib
 from pathlib import Path
 
+# The products are small: threads would only wait for each other, and could change the order of sums.
+os.environ["OPENBLAS_NUM_THREADS"] = "1"
 import numpy as np
 
 from minilm import MiniLm
