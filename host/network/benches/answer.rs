@@ -127,7 +127,12 @@ fn main() {
         let int8 = quantize(&model, &[&sample], &vectors).expect("a network that int8 runs");
         let of = |kernels: Kernels| {
             let mut executor = Executor::new(&int8, kernels).expect("a model");
-            time(&mut executor, &sample, &flat, if model.parameters() < 2_000_000 { RUNS[0] } else { RUNS[0] / 5 })
+            time(
+                &mut executor,
+                &sample,
+                &flat,
+                if model.parameters() < 2_000_000 { RUNS[0] } else { RUNS[0] / 5 },
+            )
         };
         let best = [1, 2].map(|threads| of(Kernels::best().with_threads(threads)));
         let mut line = serde_json::json!({

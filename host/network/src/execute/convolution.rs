@@ -92,12 +92,8 @@ impl Convolution {
                 out.look(&result.floats);
             }
             Kind::Int8 { weights, scale, bias, input: codes, out } => {
-                let shape = ConvShape {
-                    channels: self.inputs,
-                    height: side,
-                    width: side,
-                    stride: self.stride,
-                };
+                let shape =
+                    ConvShape { channels: self.inputs, height: side, width: side, stride: self.stride };
                 let affine = Affine { scale, bias, leak: LEAK as f32 };
                 result.codes.resize(self.outputs * to * to, 0);
                 let out = out.quant();

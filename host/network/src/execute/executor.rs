@@ -150,13 +150,7 @@ impl Executor {
                     work.evidence.extend_from_slice(&pooled);
                 }
             }
-            self.target.run(
-                kernels,
-                &work.evidence,
-                &mut work.scratch,
-                &mut work.between,
-                &mut work.scores,
-            );
+            self.target.run(kernels, &work.evidence, &mut work.scratch, &mut work.between, &mut work.scores);
             targets.extend_from_slice(&work.scores);
         }
         work.evidence.clear();

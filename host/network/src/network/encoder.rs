@@ -32,8 +32,7 @@ impl RadarEncoder {
     pub(super) fn new(config: &NetworkConfig, device: &Device) -> Self {
         let maps: Vec<_> = config.convolved().map(|_| MapEncoder::new(config, device)).collect();
         let beams = config.encoder.beams().filter(|_| config.maps[config.maps.len() - 1]);
-        let features =
-            maps.len() * config.map_features() + beams.map_or(0, |(_, beams)| beams) + SCALARS;
+        let features = maps.len() * config.map_features() + beams.map_or(0, |(_, beams)| beams) + SCALARS;
         let width = config.radar.width;
         Self {
             maps,

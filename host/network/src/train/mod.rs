@@ -268,7 +268,8 @@ pub fn train(
 impl Recipe {
     /// Learning rate of a batch.
     fn rate(&self, epoch: u32, batch: usize, batches: usize) -> f64 {
-        let (at, all) = (f64::from(epoch) * batches as f64 + batch as f64, f64::from(self.epochs) * batches as f64);
+        let (at, all) =
+            (f64::from(epoch) * batches as f64 + batch as f64, f64::from(self.epochs) * batches as f64);
         let warm = (at + 1.0) / batches as f64;
         let cosine = 0.5 * (1.0 + (core::f64::consts::PI * at / all).cos());
         // Never to nothing, so that the last epochs still count.
