@@ -63,8 +63,8 @@ impl Recipe {
     /// From nothing.
     pub fn pre_training(seed: u64) -> Self {
         Self {
-            epochs: 16,
-            patience: 5,
+            epochs: 6,
+            patience: 0,
             batch: 32,
             learning_rate: 2e-3,
             weight_decay: 1e-2,
@@ -77,7 +77,7 @@ impl Recipe {
 
     /// From a network that is trained, on few samples.
     pub fn fine_tuning(seed: u64) -> Self {
-        Self { epochs: 20, patience: 0, batch: 16, learning_rate: 5e-4, ..Self::pre_training(seed) }
+        Self { epochs: 10, batch: 16, learning_rate: 5e-4, ..Self::pre_training(seed) }
     }
 }
 
