@@ -1,5 +1,6 @@
 //! The kernels as their callers see them: shapes are checked here, once.
 
+use std::cell::RefCell;
 use std::sync::Arc;
 
 use crate::attention::{self, Attention};
@@ -18,6 +19,11 @@ const SHARED: usize = 1 << 20;
 
 /// Pieces for each thread, so that one that is late or slow leaves some to the others.
 const PIECES: usize = 4;
+
+thread_local! {
+    /// A convolution's input with its border; grows to the largest and stays.
+    static BORDERED: RefCell<Vec<u8>> = const { RefCell::new(Vec::new()) };
+}
 
 /// Kernels for a level, on some threads.
 ///
@@ -174,7 +180,9 @@ impl Kernels {
             "{} outputs of {rows} x {columns}",
             weights.outputs()
         );
-        self.processor.run(Conv { input, shape, weights, zero, affine, quant, out });
+        BORDERED.with_borrow_mut(|bordered| {
+            self.processor.run(Conv { input, shape, weights, zero, affine, quant, out, bordered });
+        });
     }
 
     /// The greatest code of each square of `size` by `size`: `[channels][height][width]` becomes
