@@ -93,8 +93,13 @@ impl Linear<'_> {
         for lines in &mut lines {
             *lines = &lines[..whole];
         }
+        // Each block of rows fetches a panel of those that come next; a single row waits for memory as it is.
+        let next = panels[0].as_ptr().wrapping_add(P * panels[0].len() + row / I::ROWS * whole);
         let mut sums = [[isa.splat_ints(0); P]; R];
         for quad in 0..whole {
+            if R > 1 {
+                isa.prefetch(next.wrapping_add(quad));
+            }
             let mut weights = [isa.bytes(&lines[0][quad].0); P];
             for p in 1..P {
                 weights[p] = isa.bytes(&lines[p][quad].0);

@@ -112,6 +112,12 @@ impl<const VNNI: bool> Isa for Avx2<VNNI> {
     }
 
     #[inline(always)]
+    fn prefetch<T>(self, at: *const T) {
+        // SAFETY: x86-64 has it, and it reads nothing: any address will do.
+        unsafe { _mm_prefetch::<_MM_HINT_T1>(at.cast()) }
+    }
+
+    #[inline(always)]
     fn run<W: Work>(self, work: W) {
         // SAFETY: `self` exists only where the processor has these features.
         unsafe { if VNNI { run_vnni(Avx2(()), work) } else { run(Avx2(()), work) } }

@@ -40,6 +40,8 @@ pub(crate) trait Isa: Copy + Send + Sync {
     /// Runs `work`, compiled for these instructions.
     fn run<W: Work>(self, work: W);
 
+    /// Brings what is there, if anything, into the second cache.
+    fn prefetch<T>(self, at: *const T);
     fn bytes(self, quads: &Quads) -> Self::Bytes;
     /// The same four in each lane.
     fn splat_bytes(self, quad: [u8; QUAD]) -> Self::Bytes;

@@ -39,6 +39,9 @@ impl Isa for Plain {
     }
 
     #[inline(always)]
+    fn prefetch<T>(self, _: *const T) {}
+
+    #[inline(always)]
     fn bytes(self, quads: &Quads) -> Quads {
         *quads
     }
