@@ -5,10 +5,16 @@
 
 use std::ops::Range;
 
+#[cfg(target_arch = "x86_64")]
+use crate::isa::amx::{self, Tiles};
 use crate::isa::{Isa, LANES, QUAD, Work};
 use crate::lanes::load;
 use crate::out::{Affine, Sink, affine};
 use crate::pack::{Line, Packed};
+
+/// Rows from which on tiles are faster, where there are any.
+#[cfg(target_arch = "x86_64")]
+const TILED: usize = 8;
 
 /// A product, or some panels of it.
 #[derive(Debug, Clone)]
@@ -28,6 +34,16 @@ impl Work for Linear<'_> {
     #[inline(always)]
     fn run<I: Isa>(self, isa: I) {
         let mut panels = self.panels.clone();
+        #[cfg(target_arch = "x86_64")]
+        if self.rows >= TILED
+            && self.weights.k().is_multiple_of(amx::DEPTH)
+            && let Some(mut tiles) = isa.tiles()
+        {
+            while panels.len() >= 2 {
+                self.tiled(isa, &mut tiles, panels.start);
+                panels.start += 2;
+            }
+        }
         while !panels.is_empty() {
             let wide = if self.rows == 1 { 8 } else { I::PANELS };
             panels.start += match panels.len().min(wide) {
@@ -41,6 +57,32 @@ impl Work for Linear<'_> {
 }
 
 impl Linear<'_> {
+    /// All rows of two panels, by tiles.
+    #[cfg(target_arch = "x86_64")]
+    #[inline(always)]
+    fn tiled<I: Isa>(&self, isa: I, tiles: &mut Tiles, panel: usize) {
+        let k = self.weights.k();
+        let panels = [self.weights.panel(panel), self.weights.panel(panel + 1)];
+        let blocks = self.rows.div_ceil(2 * amx::HEIGHT);
+        let mut sums = [[[[0; LANES]; amx::HEIGHT]; 2]; 2];
+        let mut start = 0;
+        for block in 1..=blocks {
+            let end = block * self.rows / blocks;
+            let heights = tiles.product(&self.input[start * k..end * k], k, panels, &mut sums);
+            for (p, outputs) in [panel, panel + 1].into_iter().enumerate() {
+                let epilogue = self.epilogue(isa, outputs);
+                let mut row = start;
+                for (sums, height) in sums.iter().zip(heights) {
+                    for sums in &sums[p][..height] {
+                        self.put(isa, &epilogue, row, isa.ints(sums));
+                        row += 1;
+                    }
+                }
+            }
+            start = end;
+        }
+    }
+
     /// All rows of `P` panels; gives `P`.
     #[inline(always)]
     fn block<I: Isa, const P: usize>(&self, isa: I, panel: usize) -> usize {
@@ -77,7 +119,7 @@ impl Linear<'_> {
         panel: usize,
         panels: &[&[Line]; P],
     ) {
-        let (k, n) = (self.weights.k(), self.weights.n());
+        let k = self.weights.k();
         let whole = k / QUAD;
         let mut inputs: [&[[u8; QUAD]]; R] = [&[]; R];
         // What is left of each row beyond whole quads, filled with zeros.
@@ -119,17 +161,42 @@ impl Linear<'_> {
                 }
             }
         }
-        let leak = isa.splat(self.affine.leak);
         for p in 0..P {
-            let output = (panel + p) * LANES;
-            let count = LANES.min(n - output);
-            let scale = load(isa, &self.affine.scale[output..], 0.0);
-            let bias = load(isa, &self.affine.bias[output..], 0.0);
+            let epilogue = self.epilogue(isa, panel + p);
             for r in 0..R {
-                let y = affine(isa, sums[r][p], scale, bias, leak);
-                // SAFETY: no other thread has these panels, so none writes these outputs of any row.
-                unsafe { self.sink.store(isa, (row + r) * n + output, y, count) };
+                self.put(isa, &epilogue, row + r, sums[r][p]);
             }
         }
     }
+
+    #[inline(always)]
+    fn epilogue<I: Isa>(&self, isa: I, panel: usize) -> Epilogue<I> {
+        let output = panel * LANES;
+        Epilogue {
+            output,
+            count: LANES.min(self.weights.n() - output),
+            scale: load(isa, &self.affine.scale[output..], 0.0),
+            bias: load(isa, &self.affine.bias[output..], 0.0),
+            leak: isa.splat(self.affine.leak),
+        }
+    }
+
+    /// What the sums of a panel become, in a row of the output.
+    #[inline(always)]
+    fn put<I: Isa>(&self, isa: I, epilogue: &Epilogue<I>, row: usize, sums: I::Ints) {
+        let &Epilogue { output, count, scale, bias, leak } = epilogue;
+        let y = affine(isa, sums, scale, bias, leak);
+        // SAFETY: no other thread has these panels, so none writes these outputs of any row.
+        unsafe { self.sink.store(isa, row * self.weights.n() + output, y, count) };
+    }
+}
+
+/// What a panel's sums meet.
+struct Epilogue<I: Isa> {
+    /// The first of its outputs, and how many there are.
+    output: usize,
+    count: usize,
+    scale: I::Floats,
+    bias: I::Floats,
+    leak: I::Floats,
 }

@@ -80,6 +80,7 @@ impl<const VNNI: bool> Isa for Avx2<VNNI> {
             [dot_wide(sum[0], unsigned[0], signed[0]), dot_wide(sum[1], unsigned[1], signed[1])]
         };
 
+        ints(from: &[i32; LANES]) -> Ints = transmute(*from);
         splat_ints(value: i32) -> Ints = [_mm256_set1_epi32(value); 2];
         add_ints(a: Ints, b: Ints) -> Ints = [_mm256_add_epi32(a[0], b[0]), _mm256_add_epi32(a[1], b[1])];
         or(a: Ints, b: Ints) -> Ints = [_mm256_or_si256(a[0], b[0]), _mm256_or_si256(a[1], b[1])];

@@ -5,6 +5,8 @@
 //! no sums across lanes.
 
 #[cfg(target_arch = "x86_64")]
+pub(crate) mod amx;
+#[cfg(target_arch = "x86_64")]
 mod avx2;
 #[cfg(target_arch = "x86_64")]
 mod avx512;
@@ -40,6 +42,13 @@ pub(crate) trait Isa: Copy + Send + Sync {
     /// Runs `work`, compiled for these instructions.
     fn run<W: Work>(self, work: W);
 
+    /// Instructions on whole matrices, where the level has them.
+    #[cfg(target_arch = "x86_64")]
+    #[inline(always)]
+    fn tiles(self) -> Option<amx::Tiles> {
+        None
+    }
+
     /// Brings what is there, if anything, into the second cache.
     fn prefetch<T>(self, at: *const T);
     fn bytes(self, quads: &Quads) -> Self::Bytes;
@@ -48,6 +57,7 @@ pub(crate) trait Isa: Copy + Send + Sync {
     /// The sum and four products of u8 and s8, exact.
     fn dot(self, sum: Self::Ints, unsigned: Self::Bytes, signed: Self::Bytes) -> Self::Ints;
 
+    fn ints(self, from: &[i32; LANES]) -> Self::Ints;
     fn splat_ints(self, value: i32) -> Self::Ints;
     /// Wraps around.
     fn add_ints(self, a: Self::Ints, b: Self::Ints) -> Self::Ints;
@@ -91,7 +101,9 @@ pub(crate) enum Processor {
     #[cfg(target_arch = "x86_64")]
     AvxVnni(avx2::Avx2<true>),
     #[cfg(target_arch = "x86_64")]
-    Avx512Vnni(avx512::Avx512Vnni),
+    Avx512Vnni(avx512::Avx512<false>),
+    #[cfg(target_arch = "x86_64")]
+    Amx(avx512::Avx512<true>),
 }
 
 impl Processor {
@@ -103,7 +115,9 @@ impl Processor {
             #[cfg(target_arch = "x86_64")]
             Level::AvxVnni => avx2::Avx2::detect().map(Self::AvxVnni),
             #[cfg(target_arch = "x86_64")]
-            Level::Avx512Vnni => avx512::Avx512Vnni::detect().map(Self::Avx512Vnni),
+            Level::Avx512Vnni => avx512::Avx512::detect().map(Self::Avx512Vnni),
+            #[cfg(target_arch = "x86_64")]
+            Level::Amx => avx512::Avx512::detect().map(Self::Amx),
             #[cfg(not(target_arch = "x86_64"))]
             _ => None,
         }
@@ -123,6 +137,8 @@ impl Processor {
             Self::AvxVnni(_) => Level::AvxVnni,
             #[cfg(target_arch = "x86_64")]
             Self::Avx512Vnni(_) => Level::Avx512Vnni,
+            #[cfg(target_arch = "x86_64")]
+            Self::Amx(_) => Level::Amx,
         }
     }
 
@@ -135,6 +151,8 @@ impl Processor {
             Self::AvxVnni(isa) => isa.run(work),
             #[cfg(target_arch = "x86_64")]
             Self::Avx512Vnni(isa) => isa.run(work),
+            #[cfg(target_arch = "x86_64")]
+            Self::Amx(isa) => isa.run(work),
         }
     }
 }

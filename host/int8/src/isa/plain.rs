@@ -62,6 +62,11 @@ impl Isa for Plain {
     }
 
     #[inline(always)]
+    fn ints(self, from: &[i32; LANES]) -> Ints {
+        *from
+    }
+
+    #[inline(always)]
     fn splat_ints(self, value: i32) -> Ints {
         [value; LANES]
     }
