@@ -31,6 +31,8 @@ pub(crate) struct Linear<'a> {
 }
 
 impl Work for Linear<'_> {
+    const TILES: bool = true;
+
     #[inline(always)]
     fn run<I: Isa>(self, isa: I) {
         let mut panels = self.panels.clone();

@@ -19,6 +19,10 @@ impl<const AMX: bool> Avx512<AMX> {
             && (!AMX || amx::is_available());
         has.then_some(Self(()))
     }
+
+    pub(super) fn without_tiles(self) -> Avx512<false> {
+        Avx512(())
+    }
 }
 
 #[target_feature(enable = "avx512f,avx512bw,avx512dq,avx512vl,avx512vnni")]

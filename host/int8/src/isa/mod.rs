@@ -89,6 +89,9 @@ pub(crate) trait Isa: Copy + Send + Sync {
 /// All that it calls has to be `#[inline(always)]`, and closures are to be kept from it: what is not inlined into the level's
 /// own function does without the level's instructions.
 pub(crate) trait Work {
+    /// Whether it takes [`Isa::tiles`].
+    const TILES: bool = false;
+
     fn run<I: Isa>(self, isa: I);
 }
 
@@ -152,7 +155,9 @@ impl Processor {
             #[cfg(target_arch = "x86_64")]
             Self::Avx512Vnni(isa) => isa.run(work),
             #[cfg(target_arch = "x86_64")]
-            Self::Amx(isa) => isa.run(work),
+            Self::Amx(isa) if W::TILES => isa.run(work),
+            #[cfg(target_arch = "x86_64")]
+            Self::Amx(isa) => isa.without_tiles().run(work),
         }
     }
 }
