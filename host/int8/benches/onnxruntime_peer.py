@@ -1,4 +1,4 @@
-"""The same work in onnxruntime, timed in turns with the kernels here: ratios of medians, by threads.
+"""The same work in onnxruntime, timed in turns with the kernels here, by threads.
 
 python host/int8/benches/onnxruntime_peer.py target/debug/deps/throughput-* [ROUNDS]
 needs onnxruntime, onnx, numpy
@@ -18,6 +18,7 @@ from onnxruntime.quantization import CalibrationDataReader, QuantFormat, QuantTy
 
 RNG = np.random.default_rng(1)
 TURN = 0.02
+LEVELS = ["avx512-vnni", "amx"]
 
 
 def model(path, nodes, weights, shape, output):
@@ -96,9 +97,9 @@ def timed(run):
     return times
 
 
-def ours(binary, name):
+def ours(binary, name, level):
     """Median and best of a few rounds, by threads; in microseconds."""
-    command = [binary, "--bench", "--rounds", "15", "--level", "avx512-vnni", name]
+    command = [binary, "--bench", "--rounds", "15", "--level", level, name]
     found = {}
     for line in subprocess.run(command, capture_output=True, text=True, check=True).stdout.splitlines()[1:]:
         words = line.split()
@@ -112,7 +113,7 @@ def main():
     cases = [(f"layer of {w}, {r} rows", lambda p, w=w, r=r: layer(p, w, r)) for w, r in [(128, 30), (128, 60), (1024, 30), (1024, 60)]]
     cases.append(("maps of 32: 1 to 4 to 8", lambda p: convolutions(p, 32, [1, 4, 8], 2, 0)))
     cases.append(("maps of 256: 1 to 1 to 1, pool 8", lambda p: convolutions(p, 256, [1, 1, 1], 1, 8)))
-    print(f"onnxruntime {ort.__version__}; median and best in us; in brackets, its times over ours")
+    print(f"onnxruntime {ort.__version__}; median and best in us, then both over ours at {' and '.join(LEVELS)}")
     for name, make in cases:
         paths = {kind: str(folder / f"{kind}.onnx") for kind in ["f32", "dynamic", "static"]}
         shape = make(paths["f32"])
@@ -127,21 +128,24 @@ def main():
                 except Exception as error:  # a kind that it cannot run: dynamic convolutions of these types
                     print(f"{name}: {kind} does not run: {str(error)[:90]}")
                     break
-        times = {key: [] for key in [*sessions, ("ours", 1), ("ours", 2)]}
+        times = {key: [] for key in [*sessions, *((level, threads) for level in LEVELS for threads in [1, 2])]}
         for _ in range(rounds):
             for key, runner in sessions.items():
                 found = np.array(timed(lambda: runner.run(None, x))) * 1e6
                 times[key].append((np.median(found), found.min()))
-            for threads, found in ours(binary, name).items():
-                times["ours", threads].append(found)
+            for level in LEVELS:
+                for threads, found in ours(binary, name, level).items():
+                    times[level, threads].append(found)
         for threads in [1, 2]:
-            median, best = (lambda of: (np.median(of[:, 0]), of[:, 1].min()))(np.array(times["ours", threads]))
-            parts = []
-            for (kind, n), of in times.items():
-                if n == threads and kind != "ours":
-                    theirs, fastest = np.median([m for m, _ in of]), min(b for _, b in of)
-                    parts.append(f"{kind} {theirs:.1f}, {fastest:.1f} ({theirs / median:.2f}, {fastest / best:.2f})")
-            print(f"{name:34} {threads} threads: ours {median:.1f}, {best:.1f}; " + "; ".join(parts), flush=True)
+            print(f"{name}, threads {threads}")
+            for kind in [*paths, *LEVELS]:
+                if (kind, threads) in times:
+                    found = np.array(times[kind, threads])
+                    print(f"  {kind:12} {np.median(found[:, 0]):10.1f} {found[:, 1].min():10.1f}", end="")
+                    for level in LEVELS if kind in paths else []:
+                        of = np.array(times[level, threads])
+                        print(f"  {np.median(found[:, 0]) / np.median(of[:, 0]):7.2f} {found[:, 1].min() / of[:, 1].min():7.2f}", end="")
+                    print(flush=True)
 
 
 main()

@@ -81,7 +81,7 @@ pub(crate) fn exp<I: Isa>(isa: I, x: I::Floats) -> I::Floats {
     let p = isa.add(isa.add(isa.multiply(p, isa.multiply(r, r)), r), isa.splat(1.0));
     // The low bits of `shifted` are n: into the exponent with it.
     let exponent = isa.shift_left(isa.to_bits(shifted), 23);
-    let power = isa.from_bits(isa.add_ints(exponent, isa.splat_ints(1.0f32.to_bits().cast_signed())));
+    let power = isa.of_bits(isa.add_ints(exponent, isa.splat_ints(1.0f32.to_bits().cast_signed())));
     isa.less(x, least, isa.splat(0.0), isa.multiply(p, power))
 }
 

@@ -39,7 +39,8 @@ impl Work for Linear<'_> {
         #[cfg(target_arch = "x86_64")]
         if self.rows >= TILED
             && self.weights.k().is_multiple_of(amx::DEPTH)
-            && let Some(mut tiles) = isa.tiles()
+            // SAFETY: there are no others on this thread: nothing that has some calls a kernel.
+            && let Some(mut tiles) = unsafe { isa.tiles() }
         {
             while panels.len() >= 2 {
                 self.tiled(isa, &mut tiles, panels.start);
@@ -165,8 +166,8 @@ impl Linear<'_> {
         }
         for p in 0..P {
             let epilogue = self.epilogue(isa, panel + p);
-            for r in 0..R {
-                self.put(isa, &epilogue, row + r, sums[r][p]);
+            for (row, sums) in (row..).zip(&sums) {
+                self.put(isa, &epilogue, row, sums[p]);
             }
         }
     }

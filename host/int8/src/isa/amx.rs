@@ -5,6 +5,7 @@
 
 use std::arch::asm;
 use std::arch::x86_64::{__cpuid, __cpuid_count};
+use std::marker::PhantomData;
 use std::sync::LazyLock;
 
 use super::LANES;
@@ -25,7 +26,7 @@ pub(super) fn is_available() -> bool {
     *AVAILABLE
 }
 
-/// Intel's manual, volume 1, section 18.3: instructions by CPUID, state that the system saves by XCR0.
+/// Instructions by CPUID, state that the system saves by XCR0: Intel's Software Developer's Manual, volume 1, on AMX.
 fn has_instructions() -> bool {
     const OSXSAVE: u32 = 1 << 27;
     const TILE_AND_INT8: u32 = 0b11 << 24;
@@ -66,6 +67,8 @@ fn permitted() -> bool {
 pub(crate) struct Tiles {
     /// Rows of the two tiles, once they are known.
     heights: [usize; 2],
+    /// They stay on it.
+    thread: PhantomData<*const ()>,
 }
 
 /// What `ldtilecfg` takes.
@@ -80,9 +83,9 @@ struct Configuration {
 
 impl Tiles {
     /// # Safety
-    /// [`is_available`].
+    /// They must be [available](is_available), and the only ones of this thread as long as they live.
     pub(super) unsafe fn new() -> Self {
-        Self { heights: [0; 2] }
+        Self { heights: [0; 2], thread: PhantomData }
     }
 
     fn configure(&mut self, heights: [usize; 2]) {

@@ -89,7 +89,7 @@ impl<const VNNI: bool> Isa for Avx2<VNNI> {
             [_mm256_sll_epi32(a[0], bits), _mm256_sll_epi32(a[1], bits)]
         };
         to_floats(a: Ints) -> Floats = [_mm256_cvtepi32_ps(a[0]), _mm256_cvtepi32_ps(a[1])];
-        from_bits(a: Ints) -> Floats = transmute(a);
+        of_bits(a: Ints) -> Floats = transmute(a);
         store_ints(a: Ints) -> [i32; LANES] = transmute(a);
         store_codes(a: Ints) -> [u8; LANES] = {
             // Packing works within halves of registers: afterwards quarters lie in the order 0, 2, 1, 3.

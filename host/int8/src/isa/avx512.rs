@@ -60,7 +60,7 @@ impl<const AMX: bool> Isa for Avx512<AMX> {
         or(a: __m512i, b: __m512i) -> __m512i = _mm512_or_si512(a, b);
         shift_left(a: __m512i, bits: u32) -> __m512i = _mm512_sll_epi32(a, _mm_cvtsi32_si128(bits.cast_signed()));
         to_floats(a: __m512i) -> __m512 = _mm512_cvtepi32_ps(a);
-        from_bits(a: __m512i) -> __m512 = _mm512_castsi512_ps(a);
+        of_bits(a: __m512i) -> __m512 = _mm512_castsi512_ps(a);
         store_ints(a: __m512i) -> [i32; LANES] = transmute(a);
         store_codes(a: __m512i) -> [u8; LANES] = transmute(_mm512_cvtepi32_epi8(a));
 
@@ -78,8 +78,8 @@ impl<const AMX: bool> Isa for Avx512<AMX> {
     }
 
     #[inline(always)]
-    fn tiles(self) -> Option<Tiles> {
-        // SAFETY: with AMX `self` exists only where the processor has it.
+    unsafe fn tiles(self) -> Option<Tiles> {
+        // SAFETY: with AMX `self` exists only where the processor has it; the rest is the caller's.
         AMX.then(|| unsafe { Tiles::new() })
     }
 

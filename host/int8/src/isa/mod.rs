@@ -43,9 +43,12 @@ pub(crate) trait Isa: Copy + Send + Sync {
     fn run<W: Work>(self, work: W);
 
     /// Instructions on whole matrices, where the level has them.
+    ///
+    /// # Safety
+    /// This thread must have no others as long as these are in use.
     #[cfg(target_arch = "x86_64")]
     #[inline(always)]
-    fn tiles(self) -> Option<amx::Tiles> {
+    unsafe fn tiles(self) -> Option<amx::Tiles> {
         None
     }
 
@@ -64,7 +67,7 @@ pub(crate) trait Isa: Copy + Send + Sync {
     fn or(self, a: Self::Ints, b: Self::Ints) -> Self::Ints;
     fn shift_left(self, a: Self::Ints, bits: u32) -> Self::Ints;
     fn to_floats(self, a: Self::Ints) -> Self::Floats;
-    fn from_bits(self, a: Self::Ints) -> Self::Floats;
+    fn of_bits(self, a: Self::Ints) -> Self::Floats;
     fn store_ints(self, a: Self::Ints) -> [i32; LANES];
     /// Numbers from 0 to 255.
     fn store_codes(self, a: Self::Ints) -> [u8; LANES];

@@ -92,7 +92,7 @@ impl Isa for Plain {
     }
 
     #[inline(always)]
-    fn from_bits(self, a: Ints) -> Floats {
+    fn of_bits(self, a: Ints) -> Floats {
         lanes!(|a| a => f32::from_bits(a.cast_unsigned()))
     }
 
