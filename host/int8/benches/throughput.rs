@@ -8,8 +8,8 @@ use std::time::Instant;
 
 use rfhoi_int8::{Affine, ConvShape, Kernels, Level, Out, Packed, PackedConv, Quant};
 
-/// Rows of inputs: one frame's token, 15 of one tag, 30 and 60 frames, 30 tags of 15.
-const ROWS: [usize; 5] = [1, 15, 30, 60, 450];
+/// Rows of inputs: one frame's token, six tags', 15 of one tag, 30 and 60 frames, 30 tags of 15.
+const ROWS: [usize; 6] = [1, 6, 15, 30, 60, 450];
 /// Width of a network and rows, of a transformer layer's products.
 const LAYERS: [(usize, usize); 4] = [(128, 30), (128, 60), (1024, 30), (1024, 60)];
 /// What a timing takes at least, in seconds: shorter ones are repeated.

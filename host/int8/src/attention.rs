@@ -9,6 +9,9 @@ const QUERIES: usize = 4;
 const GROUPS: usize = 2;
 const BLOCK: usize = GROUPS * LANES;
 
+/// A row of a block of columns.
+type Row = [[f32; LANES]; GROUPS];
+
 #[derive(Debug)]
 pub(crate) struct Attention<'a> {
     /// `[rows][3 * width]`: queries, keys, values, heads one after the other in each.
@@ -16,13 +19,13 @@ pub(crate) struct Attention<'a> {
     pub(crate) rows: usize,
     pub(crate) width: usize,
     pub(crate) heads: usize,
-    /// As [`scratch`] says.
+    /// As [`scratch`] says: the keys, `[blocks of rows][d]`, the values, `[blocks of d][rows]`, and the scores.
     pub(crate) scratch: &'a mut [f32],
     /// `[rows][width]`.
     pub(crate) sink: Sink<'a>,
 }
 
-/// Floats of scratch: a head's keys transposed, its values, and its scores.
+/// Floats of scratch: a head's keys transposed, its values, and its scores, all in whole blocks.
 pub(crate) fn scratch(rows: usize, width: usize, heads: usize) -> usize {
     let (d, block) = (width / heads, rows.next_multiple_of(BLOCK));
     d * block + rows * d.next_multiple_of(BLOCK) + rows.next_multiple_of(QUERIES) * block
@@ -34,16 +37,23 @@ impl Work for Attention<'_> {
         let (rows, width) = (self.rows, self.width);
         let d = width / self.heads;
         let (columns, depth) = (rows.next_multiple_of(BLOCK), d.next_multiple_of(BLOCK));
+        // A block's columns of all k lie together: rows a power of two apart would meet in the cache.
         let (keys, scratch) = self.scratch.split_at_mut(d * columns);
         let (values, scores) = scratch.split_at_mut(rows * depth);
+        let keys: &mut [Row] = keys.as_chunks_mut().0.as_chunks_mut().0;
+        let values: &mut [Row] = values.as_chunks_mut().0.as_chunks_mut().0;
         let scale = isa.splat(1.0 / (d as f32).sqrt());
         for head in 0..self.heads {
             let (q, k, v) = (head * d, width + head * d, 2 * width + head * d);
             for (row, tokens) in self.qkv.chunks_exact(3 * width).enumerate() {
-                for (keys, &key) in keys.chunks_exact_mut(columns).zip(&tokens[k..][..d]) {
-                    keys[row] = key;
+                let column = &mut keys[row / BLOCK * d..][..d];
+                for (keys, &key) in column.iter_mut().zip(&tokens[k..][..d]) {
+                    keys.as_flattened_mut()[row % BLOCK] = key;
                 }
-                values[row * depth..][..d].copy_from_slice(&tokens[v..][..d]);
+                let blocks = values.iter_mut().skip(row).step_by(rows);
+                for (values, value) in blocks.zip(tokens[v..][..d].chunks(BLOCK)) {
+                    values.as_flattened_mut()[..value.len()].copy_from_slice(value);
+                }
             }
             // Scores: queries by transposed keys, so that lanes are keys and nothing is added across them.
             for start in (0..rows).step_by(QUERIES) {
@@ -52,10 +62,10 @@ impl Work for Attention<'_> {
                     let row = (start + offset).min(rows - 1);
                     *query = &self.qkv[row * 3 * width + q..][..d];
                 }
-                for column in (0..columns).step_by(BLOCK) {
-                    let sums = product(isa, &queries, keys, columns, column);
+                for (block, keys) in keys.chunks_exact(d).enumerate() {
+                    let sums = product(isa, &queries, keys);
                     for (offset, sums) in sums.into_iter().enumerate() {
-                        let to = &mut scores[(start + offset) * columns + column..][..BLOCK];
+                        let to = &mut scores[(start + offset) * columns + block * BLOCK..][..BLOCK];
                         for (to, sums) in to.as_chunks_mut().0.iter_mut().zip(sums) {
                             *to = isa.store(isa.multiply(sums, scale));
                         }
@@ -71,10 +81,10 @@ impl Work for Attention<'_> {
                     let row = (start + offset).min(rows - 1);
                     *share = &scores[row * columns..][..rows];
                 }
-                for block in (0..depth).step_by(BLOCK) {
-                    let sums = product(isa, &shares, values, depth, block);
+                for (block, values) in values.chunks_exact(rows).enumerate() {
+                    let sums = product(isa, &shares, values);
                     for (row, sums) in (start..rows).zip(sums) {
-                        for (column, sums) in (block..d).step_by(LANES).zip(sums) {
+                        for (column, sums) in (block * BLOCK..d).step_by(LANES).zip(sums) {
                             let count = LANES.min(d - column);
                             // SAFETY: one thread runs all of it.
                             unsafe { self.sink.store(isa, row * width + q + column, sums, count) };
@@ -86,23 +96,15 @@ impl Work for Attention<'_> {
     }
 }
 
-/// Rows of k numbers by `b`, `[k][columns]`: of each row a block of columns, from `column` on.
+/// Rows of k numbers by a block of columns.
 #[inline(always)]
-fn product<I: Isa>(
-    isa: I,
-    rows: &[&[f32]; QUERIES],
-    b: &[f32],
-    columns: usize,
-    column: usize,
-) -> [[I::Floats; GROUPS]; QUERIES] {
-    let k = rows[0].len();
+fn product<I: Isa>(isa: I, rows: &[&[f32]; QUERIES], block: &[Row]) -> [[I::Floats; GROUPS]; QUERIES] {
     let mut a: [&[f32]; QUERIES] = [&[]; QUERIES];
     for (a, row) in a.iter_mut().zip(rows) {
-        *a = &row[..k];
+        *a = &row[..block.len()];
     }
     let mut sums = [[isa.splat(0.0); GROUPS]; QUERIES];
-    for (at, b) in b.chunks_exact(columns).take(k).enumerate() {
-        let b: &[[f32; LANES]; GROUPS] = b[column..][..BLOCK].as_chunks().0.as_array().expect("a block");
+    for (at, b) in block.iter().enumerate() {
         for row in 0..QUERIES {
             let a = isa.splat(a[row][at]);
             for group in 0..GROUPS {

@@ -15,8 +15,6 @@
 //!
 //! With stride 2 two phases, two bytes apart, cover 32 outputs.
 
-use std::cell::RefCell;
-
 use crate::isa::{Isa, LANES, QUAD, Quads, Work};
 use crate::lanes::quantise;
 use crate::out::{Affine, Quant, affine};
@@ -62,46 +60,41 @@ pub(crate) struct Conv<'a> {
     pub(crate) quant: Quant,
     /// `[outputs][height][width]` of [`ConvShape::output`].
     pub(crate) out: &'a mut [u8],
-}
-
-thread_local! {
-    /// Inputs with their borders; grows to the largest and stays.
-    static BORDERED: RefCell<Vec<u8>> = const { RefCell::new(Vec::new()) };
+    /// For the input with its border.
+    pub(crate) bordered: &'a mut Vec<u8>,
 }
 
 impl Work for Conv<'_> {
     #[inline(always)]
-    fn run<I: Isa>(self, isa: I) {
-        BORDERED.with_borrow_mut(|bordered| {
-            self.border(bordered);
-            match self.shape.stride {
-                1 => self.convolve::<I, 4>(isa, bordered),
-                _ => self.convolve::<I, 2>(isa, bordered),
-            }
-        });
+    fn run<I: Isa>(mut self, isa: I) {
+        self.border();
+        match self.shape.stride {
+            1 => self.convolve::<I, 4>(isa),
+            _ => self.convolve::<I, 2>(isa),
+        }
     }
 }
 
 impl Conv<'_> {
     #[inline(always)]
-    fn border(&self, bordered: &mut Vec<u8>) {
+    fn border(&mut self) {
         let ConvShape { channels, height, width, .. } = self.shape;
         let pitch = self.shape.pitch();
         let rows = height + 2;
-        bordered.clear();
-        bordered.resize(channels * rows * pitch, self.zero);
+        self.bordered.clear();
+        self.bordered.resize(channels * rows * pitch, self.zero);
         for channel in 0..channels {
             for row in 0..height {
                 let to = (channel * rows + row + 1) * pitch + 1;
                 let from = (channel * height + row) * width;
-                bordered[to..][..width].copy_from_slice(&self.input[from..][..width]);
+                self.bordered[to..][..width].copy_from_slice(&self.input[from..][..width]);
             }
         }
     }
 
     /// `PHASES` loads of a row cover all its bytes.
     #[inline(always)]
-    fn convolve<I: Isa, const PHASES: usize>(self, isa: I, bordered: &[u8]) {
+    fn convolve<I: Isa, const PHASES: usize>(self, isa: I) {
         let stride = QUAD / PHASES;
         let (height, width) = self.shape.output();
         let pitch = self.shape.pitch();
@@ -114,7 +107,7 @@ impl Conv<'_> {
                 let out = &mut self.out[(output * height + row) * width..][..width];
                 for (block, out) in out.chunks_mut(LANES * PHASES).enumerate() {
                     let mut sums = [isa.splat_ints(0); PHASES];
-                    for (plane, weights) in bordered.chunks_exact(plane).zip(weights) {
+                    for (plane, weights) in self.bordered.chunks_exact(plane).zip(weights) {
                         let rows = &plane[row * stride * pitch + block * BYTES..];
                         for (y, &quad) in weights.iter().enumerate() {
                             let quad = isa.splat_bytes(quad);

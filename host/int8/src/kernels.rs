@@ -1,5 +1,6 @@
 //! The kernels as their callers see them: shapes are checked here, once.
 
+use std::cell::RefCell;
 use std::sync::Arc;
 
 use crate::attention::{self, Attention};
@@ -13,11 +14,24 @@ use crate::pack::{Packed, PackedConv};
 use crate::pool::MaxPool;
 use crate::threads::Threads;
 
-/// Multiplications below which one thread does a product alone: handing over costs more than it saves.
-const SHARED: usize = 1 << 20;
+/// Multiplications from which on threads share a product: 50 to 70 us of one alone. Waking a thread that sleeps takes 10 to
+/// 30 us.
+const SHARED: usize = 1 << 24;
+/// The same where tiles do four times as many in that time.
+const SHARED_TILES: usize = 1 << 26;
 
-/// Pieces for each thread, so that one that is late or slow leaves some to the others.
+/// Weights from which on threads share a product whatever its rows are: one core's second cache does not hold more, and a
+/// second core brings its own.
+const SHARED_WEIGHTS: usize = 2 << 20;
+
+/// Pieces for each thread, so that one that is late or slow leaves some to the others; and all pieces at most.
 const PIECES: usize = 4;
+const MOST_PIECES: usize = 1024;
+
+thread_local! {
+    /// A convolution's input with its border; grows to the largest and stays.
+    static BORDERED: RefCell<Vec<u8>> = const { RefCell::new(Vec::new()) };
+}
 
 /// Kernels for a level, on some threads.
 ///
@@ -68,15 +82,20 @@ impl Kernels {
         let panels = weights.panels();
         let work = Linear { input, rows, weights, affine, sink: Sink::new(out), panels: 0..panels };
         match &self.threads {
-            Some(threads) if rows * k * n >= SHARED => {
-                let pieces = (threads.count() * PIECES).min(panels);
-                threads.run(pieces as u16, &|piece| {
+            Some(threads) if self.shares(rows, k, n) => {
+                let pieces = (threads.count() * PIECES).min(MOST_PIECES).min(panels);
+                threads.run(pieces, &|piece| {
                     let panels = piece * panels / pieces..(piece + 1) * panels / pieces;
                     self.processor.run(Linear { panels, ..work.clone() });
                 });
             }
             _ => self.processor.run(work),
         }
+    }
+
+    fn shares(&self, rows: usize, k: usize, n: usize) -> bool {
+        let alone = if self.level() == Level::Amx { SHARED_TILES } else { SHARED };
+        rows * k * n >= alone || k * n >= SHARED_WEIGHTS
     }
 
     /// The codes of `input`.
@@ -174,7 +193,9 @@ impl Kernels {
             "{} outputs of {rows} x {columns}",
             weights.outputs()
         );
-        self.processor.run(Conv { input, shape, weights, zero, affine, quant, out });
+        BORDERED.with_borrow_mut(|bordered| {
+            self.processor.run(Conv { input, shape, weights, zero, affine, quant, out, bordered });
+        });
     }
 
     /// The greatest code of each square of `size` by `size`: `[channels][height][width]` becomes

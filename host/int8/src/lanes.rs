@@ -30,15 +30,19 @@ pub(crate) fn sum<I: Isa>(isa: I, lanes: I::Floats) -> f32 {
     lanes[0]
 }
 
-/// The greatest lane, which NaN is not sure to be.
+/// The greatest lane, which NaN is not sure to be; halves by halves, too.
 #[inline(always)]
 pub(crate) fn greatest<I: Isa>(isa: I, lanes: I::Floats) -> f32 {
-    let lanes = isa.store(lanes);
-    let mut greatest = lanes[0];
-    for lane in lanes {
-        greatest = if lane > greatest { lane } else { greatest };
+    let mut lanes = isa.store(lanes);
+    let mut width = LANES / 2;
+    while width > 0 {
+        for lane in 0..width {
+            let (a, b) = (lanes[lane], lanes[lane + width]);
+            lanes[lane] = if a > b { a } else { b };
+        }
+        width /= 2;
     }
-    greatest
+    lanes[0]
 }
 
 /// 1.5 * 2^23: a float this large has steps of one, so adding it rounds to the nearest integer, ties to even, and leaves the
@@ -81,7 +85,7 @@ pub(crate) fn exp<I: Isa>(isa: I, x: I::Floats) -> I::Floats {
     let p = isa.add(isa.add(isa.multiply(p, isa.multiply(r, r)), r), isa.splat(1.0));
     // The low bits of `shifted` are n: into the exponent with it.
     let exponent = isa.shift_left(isa.to_bits(shifted), 23);
-    let power = isa.from_bits(isa.add_ints(exponent, isa.splat_ints(1.0f32.to_bits().cast_signed())));
+    let power = isa.of_bits(isa.add_ints(exponent, isa.splat_ints(1.0f32.to_bits().cast_signed())));
     isa.less(x, least, isa.splat(0.0), isa.multiply(p, power))
 }
 

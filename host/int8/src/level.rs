@@ -16,11 +16,13 @@ pub enum Level {
     AvxVnni,
     /// AVX-512 VNNI: the same, 512 bits wide.
     Avx512Vnni,
+    /// AMX: products of whole tiles, for matrix products of some rows; AVX-512 VNNI for all else.
+    Amx,
 }
 
 impl Level {
     /// All of them, least first.
-    pub const ALL: [Self; 4] = [Self::Plain, Self::Avx2, Self::AvxVnni, Self::Avx512Vnni];
+    pub const ALL: [Self; 5] = [Self::Plain, Self::Avx2, Self::AvxVnni, Self::Avx512Vnni, Self::Amx];
 
     /// The best that this processor has.
     pub fn detect() -> Self {
@@ -39,6 +41,7 @@ impl Level {
             Self::Avx2 => "avx2",
             Self::AvxVnni => "avx-vnni",
             Self::Avx512Vnni => "avx512-vnni",
+            Self::Amx => "amx",
         }
     }
 }

@@ -5,10 +5,16 @@
 
 use std::ops::Range;
 
+#[cfg(target_arch = "x86_64")]
+use crate::isa::amx::{self, Tiles};
 use crate::isa::{Isa, LANES, QUAD, Work};
 use crate::lanes::load;
 use crate::out::{Affine, Sink, affine};
 use crate::pack::{Line, Packed};
+
+/// Rows from which on tiles are faster, where there are any.
+#[cfg(target_arch = "x86_64")]
+const TILED: usize = 8;
 
 /// A product, or some panels of it.
 #[derive(Debug, Clone)]
@@ -25,9 +31,22 @@ pub(crate) struct Linear<'a> {
 }
 
 impl Work for Linear<'_> {
+    const TILES: bool = true;
+
     #[inline(always)]
     fn run<I: Isa>(self, isa: I) {
         let mut panels = self.panels.clone();
+        #[cfg(target_arch = "x86_64")]
+        if self.rows >= TILED
+            && self.weights.k().is_multiple_of(amx::DEPTH)
+            // SAFETY: there are no others on this thread: nothing that has some calls a kernel.
+            && let Some(mut tiles) = unsafe { isa.tiles() }
+        {
+            while panels.len() >= 2 {
+                self.tiled(isa, &mut tiles, panels.start);
+                panels.start += 2;
+            }
+        }
         while !panels.is_empty() {
             let wide = if self.rows == 1 { 8 } else { I::PANELS };
             panels.start += match panels.len().min(wide) {
@@ -41,6 +60,32 @@ impl Work for Linear<'_> {
 }
 
 impl Linear<'_> {
+    /// All rows of two panels, by tiles.
+    #[cfg(target_arch = "x86_64")]
+    #[inline(always)]
+    fn tiled<I: Isa>(&self, isa: I, tiles: &mut Tiles, panel: usize) {
+        let k = self.weights.k();
+        let panels = [self.weights.panel(panel), self.weights.panel(panel + 1)];
+        let blocks = self.rows.div_ceil(2 * amx::HEIGHT);
+        let mut sums = [[[[0; LANES]; amx::HEIGHT]; 2]; 2];
+        let mut start = 0;
+        for block in 1..=blocks {
+            let end = block * self.rows / blocks;
+            let heights = tiles.product(&self.input[start * k..end * k], k, panels, &mut sums);
+            for (p, outputs) in [panel, panel + 1].into_iter().enumerate() {
+                let epilogue = self.epilogue(isa, outputs);
+                let mut row = start;
+                for (sums, height) in sums.iter().zip(heights) {
+                    for sums in &sums[p][..height] {
+                        self.put(isa, &epilogue, row, isa.ints(sums));
+                        row += 1;
+                    }
+                }
+            }
+            start = end;
+        }
+    }
+
     /// All rows of `P` panels; gives `P`.
     #[inline(always)]
     fn block<I: Isa, const P: usize>(&self, isa: I, panel: usize) -> usize {
@@ -77,7 +122,7 @@ impl Linear<'_> {
         panel: usize,
         panels: &[&[Line]; P],
     ) {
-        let (k, n) = (self.weights.k(), self.weights.n());
+        let k = self.weights.k();
         let whole = k / QUAD;
         let mut inputs: [&[[u8; QUAD]]; R] = [&[]; R];
         // What is left of each row beyond whole quads, filled with zeros.
@@ -93,8 +138,13 @@ impl Linear<'_> {
         for lines in &mut lines {
             *lines = &lines[..whole];
         }
+        // Each block of rows fetches a panel of those that come next; a single row waits for memory as it is.
+        let next = panels[0].as_ptr().wrapping_add(P * panels[0].len() + row / I::ROWS * whole);
         let mut sums = [[isa.splat_ints(0); P]; R];
         for quad in 0..whole {
+            if R > 1 {
+                isa.prefetch(next.wrapping_add(quad));
+            }
             let mut weights = [isa.bytes(&lines[0][quad].0); P];
             for p in 1..P {
                 weights[p] = isa.bytes(&lines[p][quad].0);
@@ -114,17 +164,42 @@ impl Linear<'_> {
                 }
             }
         }
-        let leak = isa.splat(self.affine.leak);
         for p in 0..P {
-            let output = (panel + p) * LANES;
-            let count = LANES.min(n - output);
-            let scale = load(isa, &self.affine.scale[output..], 0.0);
-            let bias = load(isa, &self.affine.bias[output..], 0.0);
-            for r in 0..R {
-                let y = affine(isa, sums[r][p], scale, bias, leak);
-                // SAFETY: no other thread has these panels, so none writes these outputs of any row.
-                unsafe { self.sink.store(isa, (row + r) * n + output, y, count) };
+            let epilogue = self.epilogue(isa, panel + p);
+            for (row, sums) in (row..).zip(&sums) {
+                self.put(isa, &epilogue, row, sums[p]);
             }
         }
     }
+
+    #[inline(always)]
+    fn epilogue<I: Isa>(&self, isa: I, panel: usize) -> Epilogue<I> {
+        let output = panel * LANES;
+        Epilogue {
+            output,
+            count: LANES.min(self.weights.n() - output),
+            scale: load(isa, &self.affine.scale[output..], 0.0),
+            bias: load(isa, &self.affine.bias[output..], 0.0),
+            leak: isa.splat(self.affine.leak),
+        }
+    }
+
+    /// What the sums of a panel become, in a row of the output.
+    #[inline(always)]
+    fn put<I: Isa>(&self, isa: I, epilogue: &Epilogue<I>, row: usize, sums: I::Ints) {
+        let &Epilogue { output, count, scale, bias, leak } = epilogue;
+        let y = affine(isa, sums, scale, bias, leak);
+        // SAFETY: no other thread has these panels, so none writes these outputs of any row.
+        unsafe { self.sink.store(isa, row * self.weights.n() + output, y, count) };
+    }
+}
+
+/// What a panel's sums meet.
+struct Epilogue<I: Isa> {
+    /// The first of its outputs, and how many there are.
+    output: usize,
+    count: usize,
+    scale: I::Floats,
+    bias: I::Floats,
+    leak: I::Floats,
 }

@@ -24,12 +24,14 @@ struct Job<'a> {
     panicked: AtomicBool,
 }
 
-/// Number of a job, its pieces, and the next piece that nobody has taken: one word, so that they belong together.
+/// Number of a job, and its first and last piece that nobody has taken: one word, so that they belong together.
+///
+/// The thread that calls takes the first, others the last: so each mostly gets the weights that it had the last time.
 #[derive(Clone, Copy)]
 struct Ticket(u64);
 
 impl Ticket {
-    fn first(number: u32, pieces: u16) -> Self {
+    fn all(number: u32, pieces: u16) -> Self {
         Self(u64::from(number) << 32 | u64::from(pieces) << 16)
     }
 
@@ -37,10 +39,31 @@ impl Ticket {
         (self.0 >> 32) as u32
     }
 
-    fn piece(self) -> Option<u16> {
-        let (pieces, next) = ((self.0 >> 16) as u16, self.0 as u16);
-        (next < pieces).then_some(next)
+    /// Pieces from `first` to before `end`.
+    fn left(self) -> (u16, u16) {
+        (self.0 as u16, (self.0 >> 16) as u16)
     }
+
+    fn is_empty(self) -> bool {
+        let (first, end) = self.left();
+        first >= end
+    }
+
+    /// One of the pieces, and the ticket without it.
+    fn take(self, end: End) -> Option<(u16, Self)> {
+        let (first, last) = self.left();
+        match end {
+            _ if self.is_empty() => None,
+            End::First => Some((first, Self(self.0 + 1))),
+            End::Last => Some((last - 1, Self(self.0 - (1 << 16)))),
+        }
+    }
+}
+
+#[derive(Clone, Copy)]
+enum End {
+    First,
+    Last,
 }
 
 /// Seen by all threads.
@@ -56,13 +79,12 @@ impl Shared {
     }
 
     /// Takes pieces until none is left.
-    fn work(&self) {
+    fn work(&self, end: End) {
         loop {
             let ticket = self.ticket();
-            let Some(piece) = ticket.piece() else { return };
+            let Some((piece, left)) = ticket.take(end) else { return };
             let job = self.job.load(Ordering::Acquire);
-            let next = ticket.0 + 1;
-            if self.ticket.compare_exchange(ticket.0, next, Ordering::AcqRel, Ordering::Relaxed).is_err() {
+            if self.ticket.compare_exchange(ticket.0, left.0, Ordering::AcqRel, Ordering::Relaxed).is_err() {
                 continue;
             }
             // SAFETY: the ticket had not changed, so when `job` was read its job had a piece that nobody had taken, and
@@ -79,8 +101,8 @@ impl Shared {
     fn serve(&self) {
         let mut spins = 0;
         while !self.closing.load(Ordering::Acquire) {
-            if self.ticket().piece().is_some() {
-                self.work();
+            if !self.ticket().is_empty() {
+                self.work(End::Last);
                 spins = 0;
             } else if spins < SPINS {
                 spins += 1;
@@ -125,22 +147,23 @@ impl Threads {
     /// at work for another caller, on this one alone.
     ///
     /// # Panics
-    /// If one of the pieces does.
-    pub(crate) fn run(&self, pieces: u16, piece: &(dyn Fn(usize) + Sync)) {
+    /// If one of the pieces does, or there are more than 65535.
+    pub(crate) fn run(&self, pieces: usize, piece: &(dyn Fn(usize) + Sync)) {
         let _running = match self.running.try_lock() {
             Ok(running) => running,
             // A piece panicked before; all were done then, too.
             Err(TryLockError::Poisoned(running)) => running.into_inner(),
-            Err(TryLockError::WouldBlock) => return (0..pieces.into()).for_each(piece),
+            Err(TryLockError::WouldBlock) => return (0..pieces).for_each(piece),
         };
         let job = Job { piece, done: AtomicUsize::new(0), panicked: AtomicBool::new(false) };
+        let all = u16::try_from(pieces).expect("not too many pieces");
         let number = self.shared.ticket().number().wrapping_add(1);
         self.shared.job.store((&raw const job).cast_mut().cast(), Ordering::Release);
-        self.shared.ticket.store(Ticket::first(number, pieces).0, Ordering::Release);
+        self.shared.ticket.store(Ticket::all(number, all).0, Ordering::Release);
         self.others.iter().for_each(|other| other.thread().unpark());
-        self.shared.work();
+        self.shared.work(End::First);
         let mut turns = 0;
-        while job.done.load(Ordering::Acquire) < pieces.into() {
+        while job.done.load(Ordering::Acquire) < pieces {
             turns += 1;
             if turns % PATIENCE == 0 { thread::yield_now() } else { std::hint::spin_loop() }
         }
@@ -172,7 +195,7 @@ mod tests {
     #[test]
     fn each_piece_once_whoever_takes_it() {
         let threads = Threads::new(3);
-        for round in 0..2000u16 {
+        for round in 0..2000 {
             let pieces = round % 17;
             let counts: Vec<_> = (0..pieces).map(|_| AtomicUsize::new(0)).collect();
             threads.run(pieces, &|piece| {

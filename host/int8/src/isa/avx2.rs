@@ -80,6 +80,7 @@ impl<const VNNI: bool> Isa for Avx2<VNNI> {
             [dot_wide(sum[0], unsigned[0], signed[0]), dot_wide(sum[1], unsigned[1], signed[1])]
         };
 
+        ints(from: &[i32; LANES]) -> Ints = transmute(*from);
         splat_ints(value: i32) -> Ints = [_mm256_set1_epi32(value); 2];
         add_ints(a: Ints, b: Ints) -> Ints = [_mm256_add_epi32(a[0], b[0]), _mm256_add_epi32(a[1], b[1])];
         or(a: Ints, b: Ints) -> Ints = [_mm256_or_si256(a[0], b[0]), _mm256_or_si256(a[1], b[1])];
@@ -88,7 +89,7 @@ impl<const VNNI: bool> Isa for Avx2<VNNI> {
             [_mm256_sll_epi32(a[0], bits), _mm256_sll_epi32(a[1], bits)]
         };
         to_floats(a: Ints) -> Floats = [_mm256_cvtepi32_ps(a[0]), _mm256_cvtepi32_ps(a[1])];
-        from_bits(a: Ints) -> Floats = transmute(a);
+        of_bits(a: Ints) -> Floats = transmute(a);
         store_ints(a: Ints) -> [i32; LANES] = transmute(a);
         store_codes(a: Ints) -> [u8; LANES] = {
             // Packing works within halves of registers: afterwards quarters lie in the order 0, 2, 1, 3.
@@ -109,6 +110,12 @@ impl<const VNNI: bool> Isa for Avx2<VNNI> {
         ];
         to_bits(a: Floats) -> Ints = transmute(a);
         store(a: Floats) -> [f32; LANES] = transmute(a);
+    }
+
+    #[inline(always)]
+    fn prefetch<T>(self, at: *const T) {
+        // SAFETY: x86-64 has it, and it reads nothing: any address will do.
+        unsafe { _mm_prefetch::<_MM_HINT_T1>(at.cast()) }
     }
 
     #[inline(always)]

@@ -5,6 +5,8 @@
 //! no sums across lanes.
 
 #[cfg(target_arch = "x86_64")]
+pub(crate) mod amx;
+#[cfg(target_arch = "x86_64")]
 mod avx2;
 #[cfg(target_arch = "x86_64")]
 mod avx512;
@@ -40,19 +42,32 @@ pub(crate) trait Isa: Copy + Send + Sync {
     /// Runs `work`, compiled for these instructions.
     fn run<W: Work>(self, work: W);
 
+    /// Instructions on whole matrices, where the level has them.
+    ///
+    /// # Safety
+    /// This thread must have no others as long as these are in use.
+    #[cfg(target_arch = "x86_64")]
+    #[inline(always)]
+    unsafe fn tiles(self) -> Option<amx::Tiles> {
+        None
+    }
+
+    /// Brings what is there, if anything, into the second cache.
+    fn prefetch<T>(self, at: *const T);
     fn bytes(self, quads: &Quads) -> Self::Bytes;
     /// The same four in each lane.
     fn splat_bytes(self, quad: [u8; QUAD]) -> Self::Bytes;
     /// The sum and four products of u8 and s8, exact.
     fn dot(self, sum: Self::Ints, unsigned: Self::Bytes, signed: Self::Bytes) -> Self::Ints;
 
+    fn ints(self, from: &[i32; LANES]) -> Self::Ints;
     fn splat_ints(self, value: i32) -> Self::Ints;
     /// Wraps around.
     fn add_ints(self, a: Self::Ints, b: Self::Ints) -> Self::Ints;
     fn or(self, a: Self::Ints, b: Self::Ints) -> Self::Ints;
     fn shift_left(self, a: Self::Ints, bits: u32) -> Self::Ints;
     fn to_floats(self, a: Self::Ints) -> Self::Floats;
-    fn from_bits(self, a: Self::Ints) -> Self::Floats;
+    fn of_bits(self, a: Self::Ints) -> Self::Floats;
     fn store_ints(self, a: Self::Ints) -> [i32; LANES];
     /// Numbers from 0 to 255.
     fn store_codes(self, a: Self::Ints) -> [u8; LANES];
@@ -77,6 +92,9 @@ pub(crate) trait Isa: Copy + Send + Sync {
 /// All that it calls has to be `#[inline(always)]`, and closures are to be kept from it: what is not inlined into the level's
 /// own function does without the level's instructions.
 pub(crate) trait Work {
+    /// Whether it takes [`Isa::tiles`].
+    const TILES: bool = false;
+
     fn run<I: Isa>(self, isa: I);
 }
 
@@ -89,7 +107,9 @@ pub(crate) enum Processor {
     #[cfg(target_arch = "x86_64")]
     AvxVnni(avx2::Avx2<true>),
     #[cfg(target_arch = "x86_64")]
-    Avx512Vnni(avx512::Avx512Vnni),
+    Avx512Vnni(avx512::Avx512<false>),
+    #[cfg(target_arch = "x86_64")]
+    Amx(avx512::Avx512<true>),
 }
 
 impl Processor {
@@ -101,7 +121,9 @@ impl Processor {
             #[cfg(target_arch = "x86_64")]
             Level::AvxVnni => avx2::Avx2::detect().map(Self::AvxVnni),
             #[cfg(target_arch = "x86_64")]
-            Level::Avx512Vnni => avx512::Avx512Vnni::detect().map(Self::Avx512Vnni),
+            Level::Avx512Vnni => avx512::Avx512::detect().map(Self::Avx512Vnni),
+            #[cfg(target_arch = "x86_64")]
+            Level::Amx => avx512::Avx512::detect().map(Self::Amx),
             #[cfg(not(target_arch = "x86_64"))]
             _ => None,
         }
@@ -121,6 +143,8 @@ impl Processor {
             Self::AvxVnni(_) => Level::AvxVnni,
             #[cfg(target_arch = "x86_64")]
             Self::Avx512Vnni(_) => Level::Avx512Vnni,
+            #[cfg(target_arch = "x86_64")]
+            Self::Amx(_) => Level::Amx,
         }
     }
 
@@ -133,6 +157,10 @@ impl Processor {
             Self::AvxVnni(isa) => isa.run(work),
             #[cfg(target_arch = "x86_64")]
             Self::Avx512Vnni(isa) => isa.run(work),
+            #[cfg(target_arch = "x86_64")]
+            Self::Amx(isa) if W::TILES => isa.run(work),
+            #[cfg(target_arch = "x86_64")]
+            Self::Amx(isa) => isa.without_tiles().run(work),
         }
     }
 }

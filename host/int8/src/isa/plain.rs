@@ -39,6 +39,9 @@ impl Isa for Plain {
     }
 
     #[inline(always)]
+    fn prefetch<T>(self, _: *const T) {}
+
+    #[inline(always)]
     fn bytes(self, quads: &Quads) -> Quads {
         *quads
     }
@@ -56,6 +59,11 @@ impl Isa for Plain {
             }
         }
         sum
+    }
+
+    #[inline(always)]
+    fn ints(self, from: &[i32; LANES]) -> Ints {
+        *from
     }
 
     #[inline(always)]
@@ -84,7 +92,7 @@ impl Isa for Plain {
     }
 
     #[inline(always)]
-    fn from_bits(self, a: Ints) -> Floats {
+    fn of_bits(self, a: Ints) -> Floats {
         lanes!(|a| a => f32::from_bits(a.cast_unsigned()))
     }
 
