@@ -67,6 +67,13 @@ fn main() {
             time(&mut Executor::new(&int8, kernels).expect("a model"), &case, runs)
         };
         let best = [1, 2].map(|threads| of(Kernels::best().with_threads(threads)));
+        if json {
+            let part = |(frame, answer): (f64, f64)| {
+                serde_json::json!({ "encoder": frame, "rest": answer - frame, "sum": answer })
+            };
+            println!("{}", serde_json::json!({ "int8": { "1": part(best[0]), "2": part(best[1]) } }));
+            continue;
+        }
         let mut line = serde_json::json!({
             "model": name,
             "parameters": case.model.parameters(),
@@ -74,15 +81,13 @@ fn main() {
             "int8_frame_ms": best.map(|(frame, _)| frame),
             "int8_answer_ms": best.map(|(_, answer)| answer),
         });
-        if !json {
-            let mut burn = Reference::new(&case.model).expect("an f32 model");
-            let (frame, answer) = time(&mut burn, &case, runs.div_ceil(20));
-            line["burn_frame_ms"] = frame.into();
-            line["burn_answer_ms"] = answer.into();
-            line["burn_over_int8"] = serde_json::json!(best.map(|(_, ours)| answer / ours));
-            for kernels in Level::ALL.into_iter().filter_map(Kernels::new) {
-                line[format!("{}_answer_ms", kernels.level().name())] = of(kernels).1.into();
-            }
+        let mut burn = Reference::new(&case.model).expect("an f32 model");
+        let (frame, answer) = time(&mut burn, &case, runs.div_ceil(20));
+        line["burn_frame_ms"] = frame.into();
+        line["burn_answer_ms"] = answer.into();
+        line["burn_over_int8"] = serde_json::json!(best.map(|(_, ours)| answer / ours));
+        for kernels in Level::ALL.into_iter().filter_map(Kernels::new) {
+            line[format!("{}_answer_ms", kernels.level().name())] = of(kernels).1.into();
         }
         println!("{line}");
     }
