@@ -309,7 +309,9 @@ impl ModuleMapper for Load<'_> {
                 self.taken += 1;
                 let device = param.lazy_device();
                 let tensor = Tensor::from_data(TensorData::new(values.clone(), shape), &device);
-                Param::initialized(param.id, tensor)
+                let id = param.id;
+                // Keeps whether the parameter is learnt.
+                param.transform_for_load(tensor, id)
             }
             Some(other) => {
                 self.wrong.push(format!("{path} is {:?}, the network has {shape:?}", other.shape));
