@@ -9,4 +9,5 @@
 //! Everything in capitals is the code that runs on a board and on the host; the rest is [`simulated`]. Chance comes from
 //! seeds, time from a counter, so a test gives the same result on every machine and every run.
 
+pub mod network_case;
 pub mod simulated;

@@ -30,9 +30,9 @@ pub mod features;
 pub mod flash;
 pub mod hoi;
 pub mod inspect;
+mod jobs;
 #[cfg(feature = "train")]
 pub mod learn;
-mod jobs;
 pub mod maps;
 pub mod motion;
 pub mod npz;

@@ -41,8 +41,8 @@ pub enum Encoder {
     Convolutions {
         /// Channels after each.
         channels: [usize; 2],
-        /// Stride of the first.
-        stride: usize,
+        /// Stride of each.
+        strides: [usize; 2],
         /// Size of the pool.
         pool: usize,
     },
@@ -51,8 +51,8 @@ pub enum Encoder {
     Beams {
         /// Channels after each convolution.
         channels: [usize; 2],
-        /// Stride of the first.
-        stride: usize,
+        /// Stride of each.
+        strides: [usize; 2],
         /// Size of the pool.
         pool: usize,
         /// Virtual antennas.
@@ -146,12 +146,12 @@ pub enum ConfigError {
         most: usize,
     },
     /// Maps that do not divide.
-    #[error("maps of {points} points do not divide by a stride of {stride} and a pool of {pool}")]
+    #[error("maps of {points} points do not divide by strides of {strides:?} and a pool of {pool}")]
     Pool {
         /// Points.
         points: usize,
-        /// Stride.
-        stride: usize,
+        /// Strides.
+        strides: [usize; 2],
         /// Pool.
         pool: usize,
     },
@@ -166,7 +166,7 @@ impl NetworkConfig {
             maps: [true; MAPS],
             antennas: MAX_ANTENNAS,
             name_dimensions,
-            encoder: Encoder::Convolutions { channels: [1, 1], stride: 1, pool: 8 },
+            encoder: Encoder::Convolutions { channels: [1, 1], strides: [1, 1], pool: 8 },
             radar: Branch {
                 width: 1024,
                 layers: 3,
@@ -203,7 +203,7 @@ impl NetworkConfig {
             maps: [true; MAPS],
             antennas: MAX_ANTENNAS,
             name_dimensions,
-            encoder: Encoder::Convolutions { channels: [4, 8], stride: 2, pool: 2 },
+            encoder: Encoder::Convolutions { channels: [4, 8], strides: [2, 2], pool: 1 },
             radar: branch(64, 2, 1),
             tags: branch(64, 2, 2),
             fusion: Fusion::Concat,
@@ -232,13 +232,14 @@ impl NetworkConfig {
                 return Err(ConfigError::Heads { branch: name, width: branch.width, heads: branch.heads });
             }
         }
-        let (channels, stride, pool) = self.encoder.convolutions();
+        let (channels, strides, pool) = self.encoder.convolutions();
         range("channels", channels[0], 1, 256)?;
         range("channels", channels[1], 1, 256)?;
-        range("stride", stride, 1, 8)?;
+        range("stride", strides[0], 1, 8)?;
+        range("stride", strides[1], 1, 8)?;
         range("pool", pool, 1, 64)?;
-        if !self.points.is_multiple_of(stride * pool) {
-            return Err(ConfigError::Pool { points: self.points, stride, pool });
+        if !self.points.is_multiple_of(strides[0] * strides[1] * pool) {
+            return Err(ConfigError::Pool { points: self.points, strides, pool });
         }
         if let Encoder::Beams { antennas, beams, .. } = self.encoder {
             range("virtual antennas", antennas, 2, 64)?;
@@ -256,8 +257,8 @@ impl NetworkConfig {
 
     /// Features of one map after its pool.
     pub fn map_features(&self) -> usize {
-        let (channels, stride, pool) = self.encoder.convolutions();
-        let side = self.points / stride / pool;
+        let (channels, strides, pool) = self.encoder.convolutions();
+        let side = self.points / strides[0] / strides[1] / pool;
         channels[1] * side * side
     }
 
@@ -268,11 +269,11 @@ impl NetworkConfig {
 }
 
 impl Encoder {
-    /// Channels, stride and pool of the convolutions.
-    pub fn convolutions(self) -> ([usize; 2], usize, usize) {
+    /// Channels, strides and pool of the convolutions.
+    pub fn convolutions(self) -> ([usize; 2], [usize; 2], usize) {
         match self {
-            Self::Convolutions { channels, stride, pool } | Self::Beams { channels, stride, pool, .. } => {
-                (channels, stride, pool)
+            Self::Convolutions { channels, strides, pool } | Self::Beams { channels, strides, pool, .. } => {
+                (channels, strides, pool)
             }
         }
     }

@@ -62,7 +62,12 @@ impl Kept {
         }
     }
 
-    pub(crate) fn check(&self, config: &NetworkConfig, frames: &Range<usize>, names: &[f32]) -> Result<(), InputError> {
+    pub(crate) fn check(
+        &self,
+        config: &NetworkConfig,
+        frames: &Range<usize>,
+        names: &[f32],
+    ) -> Result<(), InputError> {
         if frames.is_empty() || frames.len() > MAX_FRAMES {
             return Err(InputError::Frames(frames.len()));
         }

@@ -223,6 +223,18 @@ impl Model {
         Self { description, arrays: save.arrays }
     }
 
+    /// A model with random weights, drawn from `seed`: for tests and measurements of speed.
+    ///
+    /// # Errors
+    /// If there is no network of that shape.
+    pub fn untrained(config: NetworkConfig, seed: u64) -> Result<Self, ConfigError> {
+        #[allow(deprecated, reason = "the backend that is always there")]
+        let device = Device::ndarray();
+        device.seed(seed);
+        let network = Network::new(&config, &device)?;
+        Ok(Self::of(&network, Description::new(config, serde_json::Value::Null, "none".into(), 0)))
+    }
+
     /// Weights and biases, all of them.
     pub fn parameters(&self) -> usize {
         self.arrays.values().map(|array| array.shape.iter().product::<usize>()).sum()

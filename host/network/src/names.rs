@@ -9,18 +9,13 @@ use std::fmt;
 
 use serde::Deserialize;
 
+use spelling::{forms, key, without_numbers, words};
+
+mod spelling;
+
 /// Begins the file; the last byte is the version.
 const MAGIC: [u8; 8] = *b"RFHNAME\x01";
 const CRC: crc::Crc<u32> = crc::Crc::<u32>::new(&crc::CRC_32_ISO_HDLC);
-/// Words that say no more than that a thing follows.
-const ARTICLES: [&str; 9] = ["a", "an", "the", "my", "our", "your", "his", "her", "their"];
-/// Words that end what a name is about: a "mug with a blue handle" is a mug.
-const PREPOSITIONS: [&str; 8] = ["of", "with", "without", "for", "from", "in", "on", "by"];
-/// Letters of the shortest name that is taken for misspelled; from how many on a letter may stand for another; and from how
-/// many on there may be two errors.
-const SHORTEST_MISSPELLED: usize = 5;
-const SUBSTITUTION_FROM: usize = 8;
-const TWO_ERRORS_FROM: usize = 10;
 /// Names that a message suggests.
 const SUGGESTIONS: usize = 3;
 
@@ -301,13 +296,11 @@ impl Names {
         if let Some(place) = self.place_of(&numberless) {
             return Lookup::Normalised { place, used: used(place) };
         }
-        // The head of an English name is its end, or the end of what comes before its preposition.
-        let cut =
-            numberless.iter().position(|w| PREPOSITIONS.contains(&w.as_str())).unwrap_or(numberless.len());
-        let head = &numberless[..cut];
+        let head = spelling::head(&numberless);
         if let Some(place) = (0..head.len()).find_map(|from| self.place_of(&head[from..])) {
             return Lookup::HeadWord { place, used: used(place) };
         }
+        // Only now, or a plastic bowl would be a misspelled plastic box.
         if let Some(place) = (0..head.len()).find_map(|from| self.similar(&head[from..].concat())) {
             return Lookup::Similar { place, used: used(place) };
         }
@@ -329,24 +322,12 @@ impl Names {
         forms(last).find_map(|form| self.places.get(&(rest.clone() + &form)).copied())
     }
 
-    /// The place that a misspelled key is of. Another word is a letter away from many a name, as "pouch" is from "couch": so
-    /// the first letter must be right, no letter of a short word may stand for another, and one place must be the nearest.
+    /// The place that a misspelled key is of; none if two places are as near.
     fn similar(&self, key: &str) -> Option<usize> {
-        let length = key.chars().count();
-        if length < SHORTEST_MISSPELLED {
-            return None;
-        }
-        let tolerance = if length < TWO_ERRORS_FROM { 1 } else { 2 };
-        let initial = key.chars().next();
-        let near = self
-            .places
-            .iter()
-            .filter(|(known, _)| known.chars().next() == initial)
-            .filter(|(known, _)| length >= SUBSTITUTION_FROM || strsim::hamming(key, known) != Ok(1));
-        let near = near.map(|(known, &place)| (strsim::osa_distance(key, known), place));
-        let near: Vec<_> = near.filter(|&(distance, _)| distance <= tolerance).collect();
+        let errors = |(known, &place): (&String, &usize)| Some((spelling::errors(key, known)?, place));
+        let near: Vec<_> = self.places.iter().filter_map(errors).collect();
         let &(least, place) = near.iter().min()?;
-        near.iter().all(|&(distance, other)| distance > least || other == place).then_some(place)
+        near.iter().all(|&(errors, other)| errors > least || other == place).then_some(place)
     }
 
     fn closest(&self, key: &str) -> Vec<String> {
@@ -371,34 +352,6 @@ impl fmt::Debug for Names {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(f, "{} names in {} dimensions, {}", self.len(), self.dimensions, self.source)
     }
-}
-
-/// Small letters and digits of a name, without all that stands between: "lunch-box" and "Lunch Box" are "lunchbox".
-fn key(name: &str) -> String {
-    name.chars().filter(|c| c.is_alphanumeric()).flat_map(char::to_lowercase).collect()
-}
-
-/// Keys of its words, without articles.
-fn words(name: &str) -> Vec<String> {
-    let separates = |c: char| !(c.is_alphanumeric() || c == '\'' || c == '’');
-    let all = name.split(separates).map(key).filter(|word| !word.is_empty());
-    all.filter(|word| !ARTICLES.contains(&word.as_str())).collect()
-}
-
-/// The same without the numbers that tell two things of a name apart: "chair 2", "cup3".
-fn without_numbers(words: &[String]) -> Vec<String> {
-    let letters = words.iter().map(|word| word.trim_end_matches(|c: char| c.is_numeric()));
-    letters.filter(|word| !word.is_empty()).map(str::to_owned).collect()
-}
-
-/// A word, and what it may be the plural or the singular of.
-fn forms(word: &str) -> impl Iterator<Item = String> {
-    const ENDINGS: [(&str, &str); 7] =
-        [("s", ""), ("es", ""), ("ies", "y"), ("ves", "f"), ("ves", "fe"), ("mice", "mouse"), ("", "s")];
-    let changed =
-        |(plural, singular): (&str, &str)| word.strip_suffix(plural).map(|stem| stem.to_owned() + singular);
-    let all: Vec<_> = [word.to_owned()].into_iter().chain(ENDINGS.into_iter().filter_map(changed)).collect();
-    all.into_iter().filter(|form| form.len() > 1)
 }
 
 #[cfg(test)]
@@ -502,6 +455,7 @@ mod tests {
             ("mug with a broken handle", "h mug"),
             ("box of old photos", "h box"),
             ("IKEA chairs", "h chair"),
+            ("plastic bowl", "h bowl"),
             ("table leg", "h table"),
             // Misspellings.
             ("botle", "s bottle"),

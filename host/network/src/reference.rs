@@ -24,6 +24,7 @@ impl Reference {
     /// # Errors
     /// If it is none.
     pub fn new(model: &Model) -> Result<Self, ModelError> {
+        #[allow(deprecated, reason = "the backend that f32 is asked for on; Burn prefers flex")]
         let device = Device::ndarray();
         Ok(Self {
             network: model.network(&device)?,

@@ -86,7 +86,10 @@ fn frames_go_by_and_old_ones_are_forgotten() {
     let (end, names) = (long.frames.len(), vectors(&long));
     let late = runner.answer(end - 40..end, &names).unwrap();
     assert_eq!(runner.answer(0..40, &names), Err(InputError::NotThere { first: 0, last: 40 }));
-    assert_eq!(runner.answer(end - 1..end + 1, &names), Err(InputError::NotThere { first: end - 1, last: end + 1 }));
+    assert_eq!(
+        runner.answer(end - 1..end + 1, &names),
+        Err(InputError::NotThere { first: end - 1, last: end + 1 })
+    );
     assert_eq!(runner.answer(0..end, &names), Err(InputError::Frames(end)));
     let part = Sample { frames: long.frames.part(end - 40..end), ..long };
     assert_eq!(run(&mut runner, &part), late);

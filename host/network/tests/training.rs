@@ -9,7 +9,9 @@ use rfhoi_network::metrics::Metrics;
 use rfhoi_network::model::Model;
 use rfhoi_network::reference::Reference;
 use rfhoi_network::sample::Sample;
-use rfhoi_network::train::{Augment, Epoch, Folder, Material, Recipe, TrainError, Watch, answers, device, train};
+use rfhoi_network::train::{
+    Augment, Epoch, Folder, Material, Recipe, TrainError, Watch, answers, device, train,
+};
 
 /// Stops after so many batches; never if there are none.
 struct After(Option<usize>);
@@ -38,7 +40,11 @@ fn samples(seeds: std::ops::Range<u64>) -> Vec<Sample> {
     seeds.map(|seed| sample(seed, 6 + seed as usize % 5, 3)).collect()
 }
 
-fn material<'a>(learn: &'a [&'a Sample], validation: &'a [&'a Sample], names: &'a [Vec<f32>]) -> Material<'a> {
+fn material<'a>(
+    learn: &'a [&'a Sample],
+    validation: &'a [&'a Sample],
+    names: &'a [Vec<f32>],
+) -> Material<'a> {
     Material { samples: learn, validation, names, interchangeable: (&[], &[]) }
 }
 
@@ -46,7 +52,9 @@ fn trained(config: rfhoi_network::config::NetworkConfig, epochs: u32) -> Model {
     let (learn, names) = (samples(0..160), names());
     let learn: Vec<&Sample> = learn.iter().collect();
     let description = describe(config);
-    train(&description, None, &recipe(epochs), material(&learn, &[], &names), None, &mut After(None)).unwrap().model
+    train(&description, None, &recipe(epochs), material(&learn, &[], &names), None, &mut After(None))
+        .unwrap()
+        .model
 }
 
 fn hoi(model: &Model) -> f64 {
@@ -90,13 +98,15 @@ fn beams_are_learnt_from_the_covariance() {
         sample
     };
     let (learn, test) = (samples(0..160), samples(1000..1060));
-    let [learn, test]: [Vec<Sample>; 2] = [learn, test].map(|set| set.into_iter().map(with_covariance).collect());
+    let [learn, test]: [Vec<Sample>; 2] =
+        [learn, test].map(|set| set.into_iter().map(with_covariance).collect());
     let mut shape = config(Fusion::Radar);
-    shape.encoder = Encoder::Beams { channels: [1, 1], stride: 2, pool: 2, antennas: 2, beams: 4 };
+    shape.encoder = Encoder::Beams { channels: [1, 1], strides: [2, 2], pool: 1, antennas: 2, beams: 4 };
     let names = names();
     let references: Vec<&Sample> = learn.iter().collect();
     let description = describe(shape);
-    let made = train(&description, None, &recipe(8), material(&references, &[], &names), None, &mut After(None));
+    let made =
+        train(&description, None, &recipe(8), material(&references, &[], &names), None, &mut After(None));
     let model = made.unwrap().model;
     let references: Vec<&Sample> = test.iter().collect();
     let network = model.network(&device()).unwrap();
@@ -125,14 +135,22 @@ fn a_killed_run_goes_on_as_if_it_had_not_been() {
     let folders = [tempfile::tempdir().unwrap(), tempfile::tempdir().unwrap()];
     let [whole, parts] = folders.each_ref().map(|folder| Folder(folder.path().join("run")));
     let (learn, validation, names) = (samples(0..48), samples(500..516), names());
-    let (learn, validation): (Vec<&Sample>, Vec<&Sample>) = (learn.iter().collect(), validation.iter().collect());
+    let (learn, validation): (Vec<&Sample>, Vec<&Sample>) =
+        (learn.iter().collect(), validation.iter().collect());
     let mut shape = config(Fusion::Concat);
     // Dropout draws, too.
     shape.dropout = 0.2;
     let description = describe(shape);
     let recipe = Recipe { augment: Augment::default(), ..recipe(3) };
     let go = |folder: &Folder, stop: Option<usize>| {
-        train(&description, None, &recipe, material(&learn, &validation, &names), Some(folder), &mut After(stop))
+        train(
+            &description,
+            None,
+            &recipe,
+            material(&learn, &validation, &names),
+            Some(folder),
+            &mut After(stop),
+        )
     };
     let straight = go(&whole, None).unwrap();
     // Three batches an epoch: in the middle of the first, the second, the third.

@@ -135,7 +135,8 @@ impl Modality {
         let epochs = |which: usize| self.epochs.as_ref().map(|epochs| epochs[which].to_string());
         let mut jobs = Vec::new();
         for network in &self.networks {
-            let mut words = vec!["train".into(), "--set".into(), path(&self.train), "--fusion".into(), network.clone()];
+            let mut words =
+                vec!["train".into(), "--set".into(), path(&self.train), "--fusion".into(), network.clone()];
             words.extend(epochs(0).into_iter().flat_map(|n| ["--epochs".into(), n]));
             jobs.push(Job { out: pre(network), words });
         }
@@ -172,7 +173,8 @@ impl Modality {
     fn reached(&self, folder: &Path, seed: u64) -> anyhow::Result<Reached> {
         let kept = folder.join(RESULT);
         if let Ok(text) = std::fs::read(&kept) {
-            return serde_json::from_slice(&text).with_context(|| format!("{} is damaged: remove it", kept.display()));
+            return serde_json::from_slice(&text)
+                .with_context(|| format!("{} is damaged: remove it", kept.display()));
         }
         let names = names()?;
         let model = model(&folder.join(super::train::MODEL))?;
@@ -180,7 +182,8 @@ impl Modality {
         let split = learn::random_split(data.set.samples.len(), self.share, seed);
         let samples = data.samples(&split.test);
         let progress = Progress::new(format!("measuring {}", folder.display()))?;
-        let mut measure = |model: &Model| learn::metrics(model, &data, &samples, &mut |share| progress.show(share));
+        let measure =
+            |model: &Model| learn::metrics(model, &data, &samples, &mut |share| progress.show(share));
         let f32 = measure(&model)?;
         let calibration = &split.learn[..learn::CALIBRATION_SAMPLES.min(split.learn.len())];
         let quantised = rfhoi_network::execute::quantize(&model, &data.samples(calibration), &data.names);
@@ -240,7 +243,15 @@ fn table(rows: &[Row]) -> String {
         "Simulated site, {} categories. Accuracy in percent: mean over {seeds} random splits and half of its 95 % interval,\n\
          {test} samples with an interaction in each test part. Times: from the last frame of 6 s to the answer, one thread.\n\n\
          {:<10} {:>10}  {:>14} {:>14} {:>14} {:>14}  {:>9} {:>9}\n",
-        hoi::CATEGORIES.len(), "network", "parameters", "HOI", "action", "object", "HOI, int8", "f32, ms", "int8, ms"
+        hoi::CATEGORIES.len(),
+        "network",
+        "parameters",
+        "HOI",
+        "action",
+        "object",
+        "HOI, int8",
+        "f32, ms",
+        "int8, ms"
     );
     for row in rows {
         let optional = |value: Option<String>| value.unwrap_or_else(|| "-".into());
@@ -272,7 +283,8 @@ struct Runs {
 impl Runs {
     /// Runs all jobs whose folders hold no model yet, some at a time.
     fn all(&self, jobs: &[Job]) -> anyhow::Result<()> {
-        let waiting: Vec<&Job> = jobs.iter().filter(|job| !job.out.join(super::train::MODEL).is_file()).collect();
+        let waiting: Vec<&Job> =
+            jobs.iter().filter(|job| !job.out.join(super::train::MODEL).is_file()).collect();
         let next = Mutex::new(waiting.iter());
         let program = std::env::current_exe().context("cannot find this program")?;
         let work = || -> anyhow::Result<()> {

@@ -97,7 +97,11 @@ impl From<AngleName> for AngleMap {
 
 impl NetworkArgs {
     /// The network that is asked for, and what its features are made of.
-    pub(super) fn build(&self, names: &Names, virtual_antennas: usize) -> anyhow::Result<(NetworkConfig, Settings)> {
+    pub(super) fn build(
+        &self,
+        names: &Names,
+        virtual_antennas: usize,
+    ) -> anyhow::Result<(NetworkConfig, Settings)> {
         let dimensions = names.dimensions();
         let mut config = match self.network.as_str() {
             "small" => NetworkConfig::small(dimensions),
@@ -124,8 +128,8 @@ impl NetworkArgs {
             config.radar.temporal = Temporal::Convolution;
         }
         if let Some(beams) = self.beams {
-            let (channels, stride, pool) = config.encoder.convolutions();
-            config.encoder = Encoder::Beams { channels, stride, pool, antennas: virtual_antennas, beams };
+            let (channels, strides, pool) = config.encoder.convolutions();
+            config.encoder = Encoder::Beams { channels, strides, pool, antennas: virtual_antennas, beams };
         }
         let angles: AngleMap = self.angles.into();
         config.maps[2] = angles != AngleMap::None;
@@ -411,7 +415,8 @@ impl Train {
     pub(super) fn run(&self, json: bool) -> anyhow::Result<()> {
         let began = std::time::Instant::now();
         let names = names()?;
-        let (config, settings) = self.network.build(&names, rfhoi_shared::radar::RadarProfile::bridge().virtual_count())?;
+        let (config, settings) =
+            self.network.build(&names, rfhoi_shared::radar::RadarProfile::bridge().virtual_count())?;
         let recipe = self.recipe.apply(Recipe::pre_training(self.recipe.seed))?;
         let data = data(&self.set, settings, &names)?;
         let mut kept = learn::random_split(data.set.samples.len(), self.share, recipe.seed).learn;
@@ -436,8 +441,7 @@ impl Train {
         let mut live = Live::new("training", Some(history.clone()), &[])?;
         let folder = Folder(self.out.join("run"));
         let material = data.material(&samples, &validation);
-        let trained =
-            train(&description, None, &recipe, material, Some(&folder), &mut live)?;
+        let trained = train(&description, None, &recipe, material, Some(&folder), &mut live)?;
         drop(live);
         let path = self.out.join(MODEL);
         save(&trained.model, &path)?;
@@ -469,14 +473,14 @@ impl Finetune {
         let history = self.out.join(HISTORY);
         let mut live = Live::new("fine-tuning", Some(history.clone()), &[])?;
         let folder = Folder(self.out.join("run"));
-        let tuned = learn::tune(&from, &data, &split, &recipe, &command(), Some(&folder), &mut live)
-            ?;
+        let tuned = learn::tune(&from, &data, &split, &recipe, &command(), Some(&folder), &mut live)?;
         drop(live);
         let path = self.out.join(MODEL);
         save(&tuned.model, &path)?;
         let progress = Progress::new("measuring")?;
-        let metrics =
-            learn::metrics(&tuned.model, &data, &data.samples(&split.test), &mut |share| progress.show(share))?;
+        let metrics = learn::metrics(&tuned.model, &data, &data.samples(&split.test), &mut |share| {
+            progress.show(share)
+        })?;
         drop(progress);
         let made = Made {
             simulated: true,
@@ -503,7 +507,10 @@ impl Evaluate {
         let metrics = learn::metrics(&model, &data, &samples, &mut |share| progress.show(share))?;
         drop(progress);
         if json {
-            println!("{}", json!({ "simulated": true, "figures": Figures::from(&metrics), "metrics": metrics }));
+            println!(
+                "{}",
+                json!({ "simulated": true, "figures": Figures::from(&metrics), "metrics": metrics })
+            );
             return Ok(());
         }
         report::print(&Figures::from(&metrics), false)?;

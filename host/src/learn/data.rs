@@ -30,7 +30,9 @@ pub enum DataError {
     #[error(transparent)]
     Set(#[from] SetError),
     /// A name without a vector.
-    #[error("the object `{0}` of the set is not among the names; add it to the list in models/names and make their file anew")]
+    #[error(
+        "the object `{0}` of the set is not among the names; add it to the list in models/names and make their file anew"
+    )]
     Name(String),
     /// Actions of another vocabulary.
     #[error("the set's actions are not those of this program")]
@@ -66,8 +68,13 @@ pub fn load(
         vectors.push(names.vector(place).to_vec());
     }
     let is_carried = |name: &String| Object::named(name).is_some_and(Object::is_carried);
-    let mut carried: Vec<usize> =
-        set.objects.iter().enumerate().filter(|(_, name)| is_carried(name)).map(|(number, _)| number).collect();
+    let mut carried: Vec<usize> = set
+        .objects
+        .iter()
+        .enumerate()
+        .filter(|(_, name)| is_carried(name))
+        .map(|(number, _)| number)
+        .collect();
     for place in (0..names.len()).filter(|&place| names.handling(place).carried()) {
         carried.push(vectors.len());
         vectors.push(names.vector(place).to_vec());

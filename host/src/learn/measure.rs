@@ -58,8 +58,10 @@ pub fn calibrate(answers: &[Answer], samples: &[&Sample]) -> f32 {
     let loss = |temperature: f32| -> f64 {
         let of = |probabilities: &[f32], right: usize| {
             // The probabilities at another temperature are their powers, made to sum to 1 again.
-            let powers: Vec<f64> =
-                probabilities.iter().map(|p| f64::from(p.max(1e-9)).powf(1.0 / f64::from(temperature))).collect();
+            let powers: Vec<f64> = probabilities
+                .iter()
+                .map(|p| f64::from(p.max(1e-9)).powf(1.0 / f64::from(temperature)))
+                .collect();
             -(powers[right] / powers.iter().sum::<f64>()).ln()
         };
         answers.iter().zip(samples).fold(0.0, |sum, (answer, sample)| {

@@ -60,8 +60,14 @@ impl Convolution {
         Ok(Self { name: name.to_owned(), inputs, outputs, stride, kind })
     }
 
-    /// One map of `side` points each way, of codes; the first layer's are those of [`Codes::MAPS`].
-    pub(super) fn run(&mut self, kernels: &Kernels, input: &Between, side: usize, result: &mut Between) {
+    /// One map of `side` points each way. Returns the points each way of what comes out.
+    pub(super) fn run(
+        &mut self,
+        kernels: &Kernels,
+        input: &Between,
+        side: usize,
+        result: &mut Between,
+    ) -> usize {
         let to = side / self.stride;
         match &mut self.kind {
             Kind::Float { weights, bias, seen, out } => {
@@ -86,18 +92,15 @@ impl Convolution {
                 out.look(&result.floats);
             }
             Kind::Int8 { weights, scale, bias, input: codes, out } => {
-                let shape = ConvShape {
-                    channels: self.inputs,
-                    height: side,
-                    width: side,
-                    stride: self.stride,
-                };
+                let shape =
+                    ConvShape { channels: self.inputs, height: side, width: side, stride: self.stride };
                 let affine = Affine { scale, bias, leak: LEAK as f32 };
                 result.codes.resize(self.outputs * to * to, 0);
                 let out = out.quant();
                 kernels.conv3x3(&input.codes, shape, weights, codes.zero, affine, out, &mut result.codes);
             }
         }
+        to
     }
 
     /// What reached it, what left it.

@@ -150,13 +150,7 @@ impl Executor {
                     work.evidence.extend_from_slice(&pooled);
                 }
             }
-            self.target.run(
-                kernels,
-                &work.evidence,
-                &mut work.scratch,
-                &mut work.between,
-                &mut work.scores,
-            );
+            self.target.run(kernels, &work.evidence, &mut work.scratch, &mut work.between, &mut work.scores);
             targets.extend_from_slice(&work.scores);
         }
         work.evidence.clear();
@@ -225,12 +219,12 @@ impl Runner for Executor {
 
 impl RadarEncoder {
     fn load(model: &Model, config: &NetworkConfig) -> Result<Self, ExecuteError> {
-        let (_, stride, pool) = config.encoder.convolutions();
+        let (_, strides, pool) = config.encoder.convolutions();
         let maps = config.convolved().enumerate().map(|(number, map)| {
             let at = |part: &str| format!("radar.encoder.maps.{number}.{part}");
             let layers = [
-                Convolution::load(model, &at("first"), stride)?,
-                Convolution::load(model, &at("second"), 1)?,
+                Convolution::load(model, &at("first"), strides[0])?,
+                Convolution::load(model, &at("second"), strides[1])?,
             ];
             Ok((map, layers))
         });
@@ -270,10 +264,8 @@ impl RadarEncoder {
                 work.input.codes.clear();
                 work.input.codes.extend_from_slice(codes);
             }
-            let (_, stride, _) = config.encoder.convolutions();
-            let side = config.points / stride;
-            first.run(kernels, &work.input, config.points, &mut work.inner);
-            second.run(kernels, &work.inner, side, &mut work.outer);
+            let side = first.run(kernels, &work.input, config.points, &mut work.inner);
+            let side = second.run(kernels, &work.inner, side, &mut work.outer);
             max_pool(kernels, float, &work.outer, (second.outputs(), side, self.pool), &mut work.features);
         }
         work.shift.clear();

@@ -49,7 +49,9 @@ pub fn quantize(model: &Model, samples: &[&Sample], names: &NameVectors) -> Resu
     }
     for [first, second] in convolutions {
         let Some((_, middle, _)) = first.seen() else { continue };
-        for (layer, input, output) in [(first, Codes::MAPS, middle.codes()), (second, middle.codes(), features)] {
+        for (layer, input, output) in
+            [(first, Codes::MAPS, middle.codes()), (second, middle.codes(), features)]
+        {
             let Some((_, _, weights)) = layer.seen() else { continue };
             let shape = model.arrays[&format!("{}.weight", layer.name)].shape.clone();
             put_weights(&mut arrays, &layer.name, weights, shape, layer.outputs());

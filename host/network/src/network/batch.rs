@@ -64,7 +64,9 @@ pub enum BatchError {
         wanted: usize,
     },
     /// No covariance where the network learns beams.
-    #[error("the network learns beams and needs {wanted} values of covariance for each frame, there are {given}")]
+    #[error(
+        "the network learns beams and needs {wanted} values of covariance for each frame, there are {given}"
+    )]
     Covariance {
         /// As given.
         given: usize,
@@ -105,9 +107,13 @@ impl Batch {
         let mut first = 0;
         for (sample, _) in samples {
             let length = sample.len();
-            index.extend((0..groups * radar_stack).map(|at| {
-                if at < length { (first + at) as i32 } else { frames as i32 }
-            }));
+            index.extend(
+                (0..groups * radar_stack).map(
+                    |at| {
+                        if at < length { (first + at) as i32 } else { frames as i32 }
+                    },
+                ),
+            );
             radar_valid.extend((0..groups).map(|g| f32::from(u8::from(g * radar_stack < length))));
             first += length;
         }

@@ -25,15 +25,14 @@ pub(super) struct RadarEncoder {
 pub(super) struct MapEncoder {
     first: Conv2d,
     second: Conv2d,
-    pool: MaxPool2d,
+    pool: Option<MaxPool2d>,
 }
 
 impl RadarEncoder {
     pub(super) fn new(config: &NetworkConfig, device: &Device) -> Self {
         let maps: Vec<_> = config.convolved().map(|_| MapEncoder::new(config, device)).collect();
         let beams = config.encoder.beams().filter(|_| config.maps[config.maps.len() - 1]);
-        let features =
-            maps.len() * config.map_features() + beams.map_or(0, |(_, beams)| beams) + SCALARS;
+        let features = maps.len() * config.map_features() + beams.map_or(0, |(_, beams)| beams) + SCALARS;
         let width = config.radar.width;
         Self {
             maps,
@@ -58,7 +57,7 @@ impl RadarEncoder {
 
 impl MapEncoder {
     fn new(config: &NetworkConfig, device: &Device) -> Self {
-        let (channels, stride, pool) = config.encoder.convolutions();
+        let (channels, strides, pool) = config.encoder.convolutions();
         let convolution = |from, to, stride| {
             Conv2dConfig::new([from, to], [3, 3])
                 .with_stride([stride, stride])
@@ -66,9 +65,9 @@ impl MapEncoder {
                 .init(device)
         };
         Self {
-            first: convolution(1, channels[0], stride),
-            second: convolution(channels[0], channels[1], 1),
-            pool: MaxPool2dConfig::new([pool, pool]).with_strides([pool, pool]).init(),
+            first: convolution(1, channels[0], strides[0]),
+            second: convolution(channels[0], channels[1], strides[1]),
+            pool: (pool > 1).then(|| MaxPool2dConfig::new([pool, pool]).with_strides([pool, pool]).init()),
         }
     }
 
@@ -76,7 +75,11 @@ impl MapEncoder {
     fn forward(&self, map: Tensor<4>) -> Tensor<2> {
         let inner = leaky_relu(self.first.forward(map), LEAK);
         let inner = leaky_relu(self.second.forward(inner), LEAK);
-        self.pool.forward(inner).flatten(1, 3)
+        let inner = match &self.pool {
+            Some(pool) => pool.forward(inner),
+            None => inner,
+        };
+        inner.flatten(1, 3)
     }
 }
 

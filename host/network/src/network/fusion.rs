@@ -178,13 +178,9 @@ impl Heads {
 }
 
 impl Cross {
-    fn forward(
-        &self,
-        radar: RadarFeatures,
-        tags: Tensor<3>,
-        tag_valid: Tensor<2>,
-    ) -> (Tensor<2>, Tensor<3>) {
-        let hidden = |valid: Tensor<2>| valid.sub_scalar(1.0).mul_scalar(-ABSENT).unsqueeze_dims::<4>(&[1, 2]);
+    fn forward(&self, radar: RadarFeatures, tags: Tensor<3>, tag_valid: Tensor<2>) -> (Tensor<2>, Tensor<3>) {
+        let hidden =
+            |valid: Tensor<2>| valid.sub_scalar(1.0).mul_scalar(-ABSENT).unsqueeze_dims::<4>(&[1, 2]);
         let one = |x: Tensor<3>| x.unsqueeze_dim::<4>(1);
         let to_radar = attend(
             one(dense(&self.tag_query, tags.clone())),

@@ -13,8 +13,8 @@ use burn::nn::{LayerNorm, LayerNormConfig, Linear, LinearConfig};
 use burn::tensor::activation::leaky_relu;
 use burn::tensor::{Device, Tensor};
 
-pub(crate) use batch::{FrameTensors, token_of_tag};
 pub use batch::{Batch, BatchError, NameVectors};
+pub(crate) use batch::{FrameTensors, token_of_tag};
 pub use fusion::Output;
 
 use crate::config::{ConfigError, EPSILON, LEAK, NetworkConfig};

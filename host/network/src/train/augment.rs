@@ -33,31 +33,14 @@ pub struct Augment {
 
 impl Default for Augment {
     fn default() -> Self {
-        Self {
-            crop: 4,
-            antenna: 0.1,
-            map: 0.05,
-            frame: 0.02,
-            shift: 2,
-            mirror: 0.5,
-            noise: 6,
-            rename: 0.3,
-        }
+        Self { crop: 4, antenna: 0.1, map: 0.05, frame: 0.02, shift: 2, mirror: 0.5, noise: 6, rename: 0.3 }
     }
 }
 
 impl Augment {
     /// Nothing.
-    pub const NONE: Self = Self {
-        crop: 0,
-        antenna: 0.0,
-        map: 0.0,
-        frame: 0.0,
-        shift: 0,
-        mirror: 0.0,
-        noise: 0,
-        rename: 0.0,
-    };
+    pub const NONE: Self =
+        Self { crop: 0, antenna: 0.0, map: 0.0, frame: 0.0, shift: 0, mirror: 0.0, noise: 0, rename: 0.0 };
 
     /// A changed copy; `interchangeable` are objects and the actions for which one may stand for another.
     pub(super) fn apply(

@@ -63,8 +63,8 @@ impl Recipe {
     /// From nothing.
     pub fn pre_training(seed: u64) -> Self {
         Self {
-            epochs: 16,
-            patience: 5,
+            epochs: 6,
+            patience: 0,
             batch: 32,
             learning_rate: 2e-3,
             weight_decay: 1e-2,
@@ -77,7 +77,7 @@ impl Recipe {
 
     /// From a network that is trained, on few samples.
     pub fn fine_tuning(seed: u64) -> Self {
-        Self { epochs: 20, patience: 0, batch: 16, learning_rate: 5e-4, ..Self::pre_training(seed) }
+        Self { epochs: 10, batch: 16, learning_rate: 5e-4, ..Self::pre_training(seed) }
     }
 }
 
@@ -268,7 +268,8 @@ pub fn train(
 impl Recipe {
     /// Learning rate of a batch.
     fn rate(&self, epoch: u32, batch: usize, batches: usize) -> f64 {
-        let (at, all) = (f64::from(epoch) * batches as f64 + batch as f64, f64::from(self.epochs) * batches as f64);
+        let (at, all) =
+            (f64::from(epoch) * batches as f64 + batch as f64, f64::from(self.epochs) * batches as f64);
         let warm = (at + 1.0) / batches as f64;
         let cosine = 0.5 * (1.0 + (core::f64::consts::PI * at / all).cos());
         // Never to nothing, so that the last epochs still count.

@@ -28,7 +28,7 @@ pub fn config(fusion: Fusion) -> NetworkConfig {
         maps: [true; MAPS],
         antennas: ANTENNAS,
         name_dimensions: NAMES,
-        encoder: Encoder::Convolutions { channels: [2, 3], stride: 2, pool: 2 },
+        encoder: Encoder::Convolutions { channels: [2, 3], strides: [2, 1], pool: 2 },
         radar: branch(16, 1),
         tags: branch(12, 2),
         fusion,
