@@ -154,7 +154,7 @@ impl Maps {
         same("Doppler bins", profile.loops.into(), self.doppler_bins.into());
         same("virtual antennas", profile.virtual_count(), self.virtual_antennas);
         if profile.range_bins() < self.first_range_bin + self.range_bins {
-            all.push(format!("{} range bins, of which bins {} are needed", profile.range_bins(), bins(self.gate())));
+            all.push(format!("{} range bins, of which {} are needed", profile.range_bins(), self.first_range_bin + self.range_bins));
         }
         if all.is_empty() {
             all.push("its antennas, its mounting or the timing of its chirps".to_owned());

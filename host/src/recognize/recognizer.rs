@@ -62,8 +62,8 @@ pub struct Recognizer {
     receiver: Receiver,
     stream: FrameStream,
     features: FrameFeatures,
-    segmenter: Segmenter,
-    window: Window,
+    pub(super) segmenter: Segmenter,
+    pub(super) window: Window,
     /// Number of the frame that is the runner's first.
     base: usize,
     /// When each tag of the stream was last read, s.
@@ -214,27 +214,34 @@ impl Recognizer {
     fn collect(&mut self) -> Result<(), RecognizeError> {
         let now = self.receiver.time();
         while let Some(received) = self.receiver.next() {
-            match &received {
-                Received::Restarted => {
-                    // The stream hands on what it has, by the old clock.
-                    self.stream.take(&received, now);
-                    self.frames()?;
-                    let segment = self.segmenter.interrupt();
-                    self.tell(segment)?;
-                    self.clock.origin = None;
-                    continue;
-                }
-                Received::Frame(frame) => self.maps.check(frame)?,
-                _ => {}
-            }
-            self.clock.origin.get_or_insert((now, self.clock.last_s));
-            self.stream.take(&received, now);
-            self.frames()?;
+            self.take(&received, now)?;
             if let Received::Frame(frame) = received {
                 self.receiver.recycle(frame);
             }
         }
         Ok(())
+    }
+
+    /// Takes what a packet of the bridge's time `sent` has led to, for those who have a [`Receiver`] of their own.
+    ///
+    /// # Errors
+    /// As [`Self::push`].
+    pub fn take(&mut self, received: &Received, sent: BridgeTime) -> Result<(), RecognizeError> {
+        if matches!(received, Received::Restarted) {
+            // The stream hands on what it has, by the old clock.
+            self.stream.take(received, sent);
+            self.frames()?;
+            let segment = self.segmenter.interrupt();
+            self.tell(segment)?;
+            self.clock.origin = None;
+            return Ok(());
+        }
+        if let Received::Frame(frame) = received {
+            self.maps.check(frame)?;
+        }
+        self.clock.origin.get_or_insert((sent, self.clock.last_s));
+        self.stream.take(received, sent);
+        self.frames()
     }
 
     fn frames(&mut self) -> Result<(), RecognizeError> {

@@ -217,6 +217,45 @@ mod tests {
         assert_eq!(after.unwrap().frames.start, 8, "nothing from before");
     }
 
+    /// Figures of this module on a set: `RFHOI_SET=DIR cargo test -p rfhoi --lib segments_of_a_set -- --ignored --nocapture`.
+    #[test]
+    #[ignore = "needs a data set, and prints what it finds"]
+    fn segments_of_a_set() {
+        let folder = std::path::PathBuf::from(std::env::var_os("RFHOI_SET").expect("RFHOI_SET names a set"));
+        let (mut overlaps, mut torn, mut missed, mut idle, mut idle_found) = (Vec::new(), 0, 0, 0, 0);
+        for shard in (0..).map(|n| folder.join(crate::simulate::set::shard_name(n))).take_while(|path| path.exists()) {
+            let mut npz = ndarray_npy::NpzReader::new(std::fs::File::open(shard).unwrap()).unwrap();
+            let first: ndarray::Array1<u32> = npz.by_name("frame_first").unwrap();
+            let cells: ndarray::Array1<u32> = npz.by_name("moving_cells").unwrap();
+            let truth: ndarray::Array2<f32> = npz.by_name("interaction_s").unwrap();
+            for (sample, ends) in first.as_slice().unwrap().windows(2).enumerate() {
+                let found = segments((ends[0]..ends[1]).map(|frame| cells[frame as usize]));
+                let [begin, end] = [0, 1].map(|n| 10.0 * truth[(sample, n)]);
+                if end == 0.0 {
+                    idle += 1;
+                    idle_found += usize::from(!found.is_empty());
+                    continue;
+                }
+                let overlap = |segment: &Segment| {
+                    let Range { start, end: stop } = segment.frames;
+                    let (start, stop) = (start as f32, stop as f32);
+                    (stop.min(end) - start.max(begin)).max(0.0) / (stop.max(end) - start.min(begin))
+                };
+                torn += usize::from(found.len() > 1);
+                missed += usize::from(found.is_empty());
+                overlaps.push(found.iter().map(overlap).fold(0.0, f32::max));
+            }
+        }
+        let count = overlaps.len();
+        let mean = overlaps.iter().sum::<f32>() / count as f32;
+        let poor = overlaps.iter().filter(|overlap| **overlap < 0.5).count();
+        println!(
+            "{count} interactions: mean intersection over union {mean:.3}, {poor} below 0.5, {torn} in pieces, {missed} missed; \
+             {idle} without one, something moved in {idle_found}"
+        );
+        assert!(mean > 0.8);
+    }
+
     #[test]
     fn nothing_is_kept_for_long() {
         let mut segmenter = Segmenter::new(0.1);
