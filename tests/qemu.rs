@@ -13,9 +13,13 @@ use std::path::Path;
 use std::time::{Duration, Instant};
 
 use expect_test::expect;
+use rfhoi::hoi::{Action, Category, Object};
 use rfhoi::receive::{RadarFrame, Received};
+use rfhoi::recognize::tags::TagNames;
+use rfhoi::recognize::{Recognizer, Settings, model};
 use rfhoi_firmware::dca1000::command::Command;
 use rfhoi_firmware::reference;
+use rfhoi_network::model::Precision;
 use rfhoi_shared::config::{
     BridgeConfig, ConfigError, Endpoint, Processing, RadarConfig, RadarInput, ReaderConfig,
 };
@@ -26,7 +30,7 @@ use rfhoi_shared::wire::{
     DatagramCounts, FrameCounts, RadarState, ReaderState, Refusal, Request, RestartReason, Telemetry,
 };
 use rfhoi_tests::simulated::machine::{self, DEVICES, Machine};
-use rfhoi_tests::simulated::path;
+use rfhoi_tests::simulated::{path, person};
 use rfhoi_tests::simulated::radar::{Measurement, point};
 
 /// Datagrams sent before the image is asked whether it has come so far. QEMU's network device keeps six, and QEMU may give
@@ -57,10 +61,14 @@ struct Recording {
 }
 
 impl Recording {
-    fn new(measurement: &Measurement) -> Self {
-        let profile = &measurement.profile;
+    fn of(measurement: &Measurement) -> Self {
+        let datagrams = measurement.datagrams().map(|(_, datagram)| datagram).collect();
+        Self::new(&measurement.profile, datagrams)
+    }
+
+    fn new(profile: &RadarProfile, datagrams: Vec<Vec<u8>>) -> Self {
         Self {
-            datagrams: measurement.datagrams().map(|(_, datagram)| datagram).collect(),
+            datagrams,
             datagrams_a_frame: f64::from(profile.frame_bytes()) / 1456.0,
             sent: 0,
             frames: 0,
@@ -125,7 +133,7 @@ fn wait_for_radar(machine: &mut Machine) {
 /// Streams `count` frames of `config`, which is in force since the last start, without a loss, and compares them with a
 /// PC's.
 fn stream(machine: &mut Machine, config: &RadarConfig, count: u32, seed: u64) {
-    let mut recording = Recording::new(&measurement(config.profile.clone(), count, seed));
+    let mut recording = Recording::of(&measurement(config.profile.clone(), count, seed));
     wait_for_radar(machine);
     let had = machine.host.frames().count();
     let link = machine.host.receiver.counts();
@@ -173,7 +181,7 @@ fn measure(machine: &mut Machine, config: &RadarConfig) -> Cost {
     // Each is a recording of its own, and waited for: of `fine` there is room for one.
     let frame = measurement(config.profile.clone(), 1, 9);
     for frames in 1..=MEASURED as usize {
-        let mut recording = Recording::new(&frame);
+        let mut recording = Recording::of(&frame);
         recording.frame(machine, 1, |_| false);
         questions += recording.questions;
         machine.wait("a frame", |m| m.host.frames().count() >= had + frames);
@@ -249,8 +257,39 @@ fn the_image_works_end_to_end() {
     let fine = RadarConfig { processing: Processing::with_gate(&profile, gate), profile, ..default.radar };
     machine.configure(&BridgeConfig { radar: fine.clone(), ..default });
     let fine = measure(&mut machine, &fine);
+    machine.configure(&BridgeConfig::default());
+    recognise(&mut machine);
     drop(machine);
     hold_instructions(&stages, &bridge, &fine);
+}
+
+/// A simulated person opens a microwave before the image's radar: the same is recognised as through a PC's bridge.
+fn recognise(machine: &mut Machine) {
+    let acted = person::act("kitchen", Category { action: Action::Open, object: Object::Microwave }, 101);
+    assert_eq!(acted.config.processing, BridgeConfig::default().radar.processing);
+    wait_for_radar(machine);
+    let had = machine.host.frames().count();
+    let datagrams = acted.datagrams.clone();
+    let mut recording = Recording::new(&acted.config.profile, datagrams);
+    for frame in 1..=acted.frames as usize {
+        recording.frame(machine, WINDOW, |_| false);
+        machine.wait("a frame", |m| m.host.frames().count() >= had + frame);
+    }
+    let there = machine.host.frames().skip(had).cloned().collect::<Vec<_>>();
+    let arrivals = acted.datagrams.iter().map(|datagram| (BridgeTime(0), datagram.clone()));
+    let here = path::run(&acted.config, arrivals).frames;
+    let model = model::built_in(Precision::Int8).expect("it is built in");
+    let names = model::names().expect("they are built in");
+    let told = |frames: &[RadarFrame]| {
+        let settings = Settings { profile: None, tags: TagNames::simulated(), least: None };
+        let mut recognizer = Recognizer::new(&model, &names, settings).expect("it is for this radar");
+        acted.recognise(frames, &mut recognizer)
+    };
+    let (there, here) = (told(&there), told(&here));
+    assert!(!here.is_empty(), "somebody moved");
+    // To the last bit, probabilities too.
+    assert_eq!(there, here);
+    say(&format!("{} simulated frames: recognised as on a PC: {here:?}", acted.frames));
 }
 
 /// Digest of the reference on this machine.
@@ -376,7 +415,7 @@ fn trouble(
     // One datagram in 20 is lost.
     const LOSSY: u32 = 40;
     let before = machine.telemetry();
-    let mut recording = Recording::new(&measurement(config.radar.profile.clone(), LOSSY + 10, 3));
+    let mut recording = Recording::of(&measurement(config.radar.profile.clone(), LOSSY + 10, 3));
     let mut random = 7_u32;
     let mut dropped = 0;
     let lossy_end = (f64::from(LOSSY) * recording.datagrams_a_frame) as usize;

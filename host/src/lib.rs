@@ -12,6 +12,7 @@
 //! * [`motion`]: recorded human motion, joints over time.
 //! * [`hoi`], [`simulate`]: the vocabulary of actions and objects, and labelled data from a simulated room.
 //! * `learn`, with the feature `train`: from data sets to models.
+//! * [`recognize`]: from packets to tuples, or why there is none.
 //! * [`plan`]: the smallest profile, maps and antennas that a scene needs, and what they cost.
 //! * [`plot`]: pictures of maps and of series.
 //! * [`bridge`]: a bridge on the network: found, configured, watched.
@@ -41,6 +42,7 @@ pub mod plot;
 pub mod profile;
 pub mod reads;
 pub mod receive;
+pub mod recognize;
 pub mod recording;
 pub mod replay;
 pub mod samples;

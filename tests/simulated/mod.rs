@@ -5,6 +5,7 @@
 //! * [`reader`]: an LLRP reader with tags in view and a clock of its own.
 //! * [`path`]: the radar's path alone, from datagrams to frames at the host.
 //! * [`traffic`]: what a bridge sends of a simulated sample, for the host alone.
+//! * [`person`]: somebody who acts before both devices, and what is recognised of it.
 //! * [`world`]: all of them joined with the bridge's logic and the host.
 //! * [`rig`]: all of them around the bridge's own tasks, with an Ethernet switch and UARTs in between.
 //! * [`machine`]: QEMU with the bridge's image, the devices on loopback sockets, in the time of the wall.
@@ -13,6 +14,7 @@ pub mod console;
 pub mod machine;
 pub mod network;
 pub mod path;
+pub mod person;
 pub mod radar;
 pub mod reader;
 pub mod rig;

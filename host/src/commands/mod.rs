@@ -6,6 +6,7 @@ mod experiment;
 mod flash;
 mod inspect;
 mod plan;
+mod recognize;
 mod replay;
 mod report;
 mod simulate;
@@ -47,6 +48,8 @@ enum Command {
     Inspect(inspect::Inspect),
     /// Feed a recording through the bridge's logic and over the wire; write pictures and numbers.
     Replay(replay::Replay),
+    /// Tell who did what to which thing in a recording, or as a bridge sends it, or why that cannot be told.
+    Recognize(recognize::Recognize),
     /// Make simulated data: sets of labelled samples, recordings, pictures.
     Simulate(Box<simulate::Simulate>),
     /// Stress each method until it breaks, and tell whether it says so.
@@ -91,6 +94,7 @@ pub(crate) fn run(cli: &Cli) -> ExitCode {
     let result = match &cli.command {
         Command::Inspect(command) => command.run(cli.json),
         Command::Replay(command) => command.run(cli.json),
+        Command::Recognize(command) => command.run(cli.json),
         Command::Simulate(command) => command.run(cli.json),
         Command::Stability(command) => command.run(cli.json),
         Command::Plan(command) => command.run(cli.json),

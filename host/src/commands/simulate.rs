@@ -2,6 +2,7 @@
 
 mod acted;
 
+use std::ops::Range;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, ensure};
@@ -15,9 +16,12 @@ use rfhoi::simulate::draw::{Draw, Purpose, Wanted, draw, stream};
 use rfhoi::simulate::effects::{Domain, Effects};
 use rfhoi::simulate::portrait::{Caption, portray};
 use rfhoi::simulate::recording;
+use rfhoi::simulate::sample::epoch;
 use rfhoi::simulate::scene::Scene;
+use rfhoi::simulate::session::{self, Session};
 use rfhoi::simulate::set;
 use rfhoi_firmware::mmwave::cfg::{self, DemoOptions, LvdsStream};
+use rfhoi_shared::units::BridgeTime;
 use serde::Serialize;
 
 use self::acted::{Acted, SourceArgs};
@@ -87,6 +91,19 @@ fn facing(text: &str) -> Result<f32, String> {
     text.parse().ok().filter(|deg| whole_turn.contains(deg)).ok_or("give -180 to 180 degrees".to_owned())
 }
 
+/// What somebody does; `None` is no interaction.
+type Deed = Option<Category>;
+
+/// An action and what it is done to, or nothing.
+fn deed(text: &str) -> Result<Deed, String> {
+    if text == "nothing" {
+        return Ok(None);
+    }
+    let mut known = CATEGORIES.iter().chain(&UNSEEN);
+    let found = known.find(|c| format!("{} {}", c.action, c.object) == text);
+    found.copied().map(Some).ok_or("give an action and an object, as \"open microwave\", or nothing".to_owned())
+}
+
 #[derive(Debug, Args)]
 #[command(next_help_heading = "Data set")]
 struct SetArgs {
@@ -123,6 +140,12 @@ struct OneArgs {
     /// Where, counted from 1 in the scene; drawn if not given.
     #[arg(long, value_name = "NUMBER", conflicts_with_all = NOT_ONE)]
     place: Option<usize>,
+    /// What the same person does next, among the same things, as "open microwave" or nothing; give it again for more.
+    #[arg(long, value_name = "DEED", value_parser = deed, conflicts_with_all = ["set", "picture", "effects", "costs", "motion", "meshes"])]
+    then: Vec<Deed>,
+    /// Record what a bridge sends to its host, instead of what the devices send to it: small, and without raw samples.
+    #[arg(long, requires = "recording")]
+    as_bridge: bool,
     /// Where they look, deg; 0 is towards the radar, growing to their left. Drawn if not given.
     #[arg(long, value_name = "DEG", allow_negative_numbers = true, value_parser = facing, conflicts_with_all = NOT_ONE)]
     facing: Option<f32>,
@@ -144,10 +167,20 @@ enum CategoriesName {
     All,
 }
 
+/// From a person's first movement to the last.
+#[derive(Debug, Serialize)]
+struct Performed {
+    label: String,
+    begin_s: f64,
+    end_s: f64,
+}
+
 #[derive(Debug, Serialize)]
 struct Recorded {
     simulated: bool,
     label: String,
+    /// Interactions in the recording's time.
+    performed: Vec<Performed>,
     /// The recording that was performed.
     #[serde(skip_serializing_if = "Option::is_none")]
     after: Option<String>,
@@ -336,12 +369,16 @@ impl Simulate {
         let beside = PathBuf::from(format!("{stem}.cfg"));
         let (scene, drawn) = self.one()?;
         let (seed, effects) = (self.seed, self.effects()?);
-        let acted = self.source.act(self.domain(), seed, &drawn, &scene)?;
-        let take = acted.take(&scene, effects);
-        let [mut radar, mut reader] = self.noise(&drawn);
+        let draws = session::draws(drawn, &self.one.then)
+            .context("--then: that needs more different things than there are tags in a scene")?;
+        let acted = draws.iter().map(|drawn| self.source.act(self.domain(), seed, drawn, &scene));
+        let acted: Vec<Acted> = acted.collect::<anyhow::Result<_>>()?;
+        let mut takes = acted.iter().map(|acted| acted.take(&scene, effects));
+        let session = Session::new(takes.next().context("there is a first")?, takes);
+        let [mut radar, mut reader] = self.noise(&draws[0]);
+        let record = if self.one.as_bridge { recording::record_bridge } else { recording::record };
         let progress = Progress::new(format!("simulating {name}"))?;
-        let summary =
-            recording::record(file, &take, &mut radar, &mut reader, &mut |share| progress.show(share))?;
+        let summary = record(file, &session, &mut radar, &mut reader, &mut |share| progress.show(share))?;
         drop(progress);
         let mut text = String::new();
         let demo = DemoOptions { lvds: LvdsStream::RAW, ..DemoOptions::default() };
@@ -350,9 +387,10 @@ impl Simulate {
         atomic::write(&beside, text.as_bytes())?;
         let recorded = Recorded {
             simulated: true,
-            label: label(&acted),
-            after: acted.source.clone(),
-            scene: scene.name,
+            performed: performed(&acted, &session, epoch(&effects)),
+            label: acted.iter().map(label).collect::<Vec<_>>().join(", "),
+            after: acted[0].source.clone(),
+            scene: scene.name.clone(),
             seed,
             recording: file.to_path_buf(),
             profile: beside,
@@ -407,6 +445,16 @@ impl Simulate {
         };
         report::print(&pictured, json)
     }
+}
+
+/// When each person's movement was, in the recording.
+fn performed(acted: &[Acted], session: &Session<'_>, epoch: BridgeTime) -> Vec<Performed> {
+    let begins_s = session.begins_s().iter().map(|begin_s| begin_s + epoch.seconds());
+    let of = |(acted, begin_s): (&Acted, f64)| {
+        let Range { start, end } = acted.interaction_s().unwrap_or_default();
+        (acted.label.is_some()).then(|| Performed { label: label(acted), begin_s: begin_s + start, end_s: begin_s + end })
+    };
+    acted.iter().zip(begins_s).filter_map(of).collect()
 }
 
 fn label(acted: &Acted) -> String {

@@ -10,6 +10,7 @@ use rfhoi::atomic;
 use rfhoi::features::{AngleMap, Settings};
 use rfhoi::hoi::Action;
 use rfhoi::learn::{self, Data};
+use rfhoi::recognize;
 use rfhoi_network::config::{Encoder, Fusion, NetworkConfig, Temporal};
 use rfhoi_network::execute::quantize;
 use rfhoi_network::metrics::Metrics;
@@ -258,8 +259,7 @@ pub(super) struct Quantize {
 
 /// The names that ship.
 pub(super) fn names() -> anyhow::Result<Names> {
-    const NAMES: &[u8] = include_bytes!("../../../models/names.bin");
-    Names::parse(NAMES).context("the names that this program was built with")
+    recognize::model::names().context("the names that this program was built with")
 }
 
 /// Reads a model.
@@ -277,17 +277,7 @@ pub(super) fn data(folder: &Path, settings: Settings, names: &Names) -> anyhow::
 
 /// Settings of the features that a model takes.
 pub(super) fn settings(model: &Model) -> anyhow::Result<Settings> {
-    let description = &model.description;
-    let angles = AngleMap::ALL.into_iter().find(|angles| angles.to_string() == description.angle);
-    let angles =
-        angles.with_context(|| format!("the model's angle map `{}` is not known", description.angle))?;
-    let config = &description.config;
-    Ok(Settings {
-        points: config.points,
-        angles,
-        antennas: config.antennas,
-        covariance: config.encoder.beams().is_some(),
-    })
+    Ok(recognize::model::settings(&model.description)?)
 }
 
 /// Shows a run in the terminal and keeps its epochs as a file.

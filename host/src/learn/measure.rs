@@ -1,13 +1,13 @@
 //! Answers of a model to samples, as it would give them live: a frame at a time.
 
 use rfhoi_int8::Kernels;
-use rfhoi_network::execute::{ExecuteError, Executor};
 use rfhoi_network::metrics::Metrics;
-use rfhoi_network::model::{Model, ModelError, Precision};
-use rfhoi_network::reference::Reference;
-use rfhoi_network::sample::{Answer, InputError, Runner, Sample};
+use rfhoi_network::model::Model;
+use rfhoi_network::sample::{Answer, InputError, Sample};
 
 use super::{Data, LEAST_PROBABILITY};
+use crate::recognize::RecognizeError;
+use crate::recognize::model::runner;
 
 /// Temperatures that are tried, from the first in equal ratios.
 const TEMPERATURES: (f32, f32, usize) = (0.3, 1.05, 60);
@@ -17,27 +17,13 @@ const TEMPERATURES: (f32, f32, usize) = (0.3, 1.05, 60);
 pub enum MeasureError {
     /// The model cannot run.
     #[error(transparent)]
-    Execute(#[from] ExecuteError),
-    /// The model.
-    #[error(transparent)]
-    Model(#[from] ModelError),
+    Runner(#[from] RecognizeError),
     /// A sample.
     #[error(transparent)]
     Input(#[from] InputError),
     /// The user stopped it.
     #[error("stopped")]
     Interrupted,
-}
-
-/// What runs a model: f32 on Burn, int8 with our kernels.
-///
-/// # Errors
-/// If the model's weights do not fit its network.
-pub fn runner(model: &Model, kernels: Kernels) -> Result<Box<dyn Runner>, MeasureError> {
-    Ok(match model.description.precision {
-        Precision::F32 => Box::new(Reference::new(model)?),
-        Precision::Int8 => Box::new(Executor::new(model, kernels)?),
-    })
 }
 
 /// Answers to samples, each by itself. `progress` is told the share that is done and says whether to go on.

@@ -8,6 +8,7 @@
 //! Nothing is written before the recording has gone through, and every file appears whole.
 
 mod aligned;
+mod bridge;
 mod radar;
 mod range_azimuth;
 mod source;
@@ -17,26 +18,25 @@ mod vibration;
 use std::path::{Path, PathBuf};
 
 use num_complex::Complex;
-use rfhoi_firmware::bridge::{RadarPath, UartPath};
-use rfhoi_firmware::uplink::{ReadPacker, Uplink};
 use rfhoi_shared::config::{BridgeConfig, ClutterRemoval, ConfigError, Processing, RadarConfig, RadarInput};
 use rfhoi_shared::radar::RadarProfile;
 use rfhoi_shared::scene::{Scene, Unmet};
 use rfhoi_shared::tag::TagRead;
 use rfhoi_shared::units::{BridgeTime, Metres};
-use rfhoi_shared::wire::{DatagramCounts, FrameCounts, HopTable, Message, Stream};
+use rfhoi_shared::wire::{DatagramCounts, FrameCounts, HopTable};
 use serde::Serialize;
 
 use crate::align::{self, AlignError, AlignedFrame, FrameStream, StreamCounts};
 use crate::atomic::WriteError;
 use crate::detect::{DetectError, Format, detect};
-use crate::inspect::{InspectError, MAX_ROW, MAX_TLV_FRAME, ReadFigures};
+use crate::inspect::{InspectError, ReadFigures};
 use crate::npz::NpzError;
 use crate::phase;
 use crate::plot::PlotError;
 use crate::receive::{LinkCounts, RadarFrame, Received, Receiver};
 
 pub use aligned::AlignedFigures;
+use bridge::Bridge;
 pub use radar::Strongest;
 pub use vibration::Vibration;
 
@@ -112,21 +112,42 @@ pub enum ReplayError {
     Plot(#[from] PlotError),
 }
 
-/// Bytes for one gated cube on a PC: that of the largest profile with all its bins.
+/// Cells of one gated cube on a PC: that of the largest profile with all its bins.
 const CUBE_CELLS: usize = 12 * 256 * 256;
 
-enum Radar<'m> {
-    /// Not begun; memory for one cube.
-    Idle(&'m mut [Complex<i16>]),
-    Raw(Box<RadarPath<'m, MAX_ROW>>),
-    Uart(Box<UartPath<MAX_TLV_FRAME>>),
+/// What the bridge's logic counted, and what a person should know.
+#[derive(Debug, Clone, Default)]
+pub struct Bridged {
+    /// Datagrams of the radar.
+    pub datagrams: DatagramCounts,
+    /// Frames of the radar.
+    pub frames: FrameCounts,
+    /// What was left out of the recording, and why.
+    pub notes: Vec<String>,
 }
 
-/// The bridge, the wire and the host's end of it in one process.
-struct Bridge<'m> {
-    radar: Radar<'m>,
-    reads: ReadPacker,
-    uplink: Uplink,
+/// Feeds the recording at `path` through the logic of a bridge whose radar is configured for `radar`, and hands each packet
+/// that comes out to `emit`, with the time at which it is sent. Packets that a bridge had sent when the recording was made
+/// are handed on as they are. `progress` is told the share that is done, 0 to 1, and says whether to go on.
+///
+/// # Errors
+/// If the recording cannot be read, or the bridge refuses the configuration.
+pub fn packets(
+    path: &Path,
+    radar: Option<&RadarConfig>,
+    emit: &mut dyn FnMut(BridgeTime, &[u8]),
+    progress: &mut dyn FnMut(f64) -> bool,
+) -> Result<Bridged, ReplayError> {
+    let mut cube = vec![Complex::default(); CUBE_CELLS];
+    let mut bridge = Bridge::new(&mut cube, emit);
+    let mut notes = Vec::new();
+    source::feed(path, radar, &mut bridge, &mut notes, progress)?;
+    let (datagrams, frames) = bridge.counts();
+    Ok(Bridged { datagrams, frames, notes })
+}
+
+/// The host's end of the wire: all that came out of the bridge.
+struct Outcome {
     receiver: Receiver,
     frames: Vec<RadarFrame>,
     tag_reads: Vec<TagRead>,
@@ -135,79 +156,25 @@ struct Bridge<'m> {
     aligned: Vec<AlignedFrame>,
 }
 
-impl<'m> Bridge<'m> {
-    fn new(cube: &'m mut [Complex<i16>], stream: Option<FrameStream>) -> Self {
+impl Outcome {
+    fn new(stream: Option<FrameStream>) -> Self {
         Self {
-            stream,
-            aligned: Vec::new(),
-            radar: Radar::Idle(cube),
-            reads: ReadPacker::default(),
-            uplink: Uplink::new(0),
             receiver: Receiver::new(),
             frames: Vec::new(),
             tag_reads: Vec::new(),
             hop_table: None,
+            stream,
+            aligned: Vec::new(),
         }
     }
 
-    fn use_raw_samples(&mut self, config: &RadarConfig) -> Result<(), ReplayError> {
-        if let Radar::Idle(cube) = &mut self.radar {
-            self.radar = Radar::Raw(Box::new(RadarPath::new(config, std::mem::take(cube))?));
-        }
-        Ok(())
-    }
-
-    fn use_uart(&mut self, config: &RadarConfig) -> Result<(), ReplayError> {
-        config.validate(u32::MAX)?;
-        self.radar = Radar::Uart(Box::new(UartPath::new(config)));
-        Ok(())
-    }
-
-    /// Radar bytes that arrived at `now`: a datagram, or what a UART gave.
-    fn radar(&mut self, now: BridgeTime, bytes: &[u8]) {
-        let Self { radar, uplink, receiver, .. } = self;
-        let send = |_: Stream, packet: &[u8]| receiver.push(packet).is_ok();
-        match radar {
-            Radar::Idle(_) => {}
-            Radar::Raw(path) => path.push(now, bytes, uplink, send),
-            Radar::Uart(path) => path.push(now, bytes, uplink, send),
-        }
-        self.collect();
-    }
-
-    fn read(&mut self, now: BridgeTime, read: TagRead) {
-        let Self { reads, uplink, receiver, .. } = self;
-        let mut emit = |at, m: Message<'_>| uplink.send(at, m, |_, packet| receiver.push(packet).is_ok());
-        // As a bridge's timer does, whenever the next read comes.
-        if let Some(due) = reads.deadline().filter(|due| *due <= now) {
-            reads.tick(due, |m| emit(due, m));
-        }
-        reads.push(now, read, |m| emit(now, m));
-        self.collect();
-    }
-
-    fn hop_table(&mut self, now: BridgeTime, table: HopTable) {
-        let Self { uplink, receiver, .. } = self;
-        uplink.send(now, Message::HopTable(table), |_, packet| receiver.push(packet).is_ok());
-        self.collect();
-    }
-
-    /// A packet that a bridge had sent when the recording was made.
     fn packet(&mut self, bytes: &[u8]) {
         // What is wrong is counted.
         let _ = self.receiver.push(bytes);
         self.collect();
     }
 
-    fn finish(&mut self, now: BridgeTime) {
-        let Self { radar, reads, uplink, receiver, .. } = self;
-        let mut send = |_: Stream, packet: &[u8]| receiver.push(packet).is_ok();
-        match radar {
-            Radar::Idle(_) => {}
-            Radar::Raw(path) => path.finish(now, uplink, &mut send),
-            Radar::Uart(path) => path.finish(now, uplink, &mut send),
-        }
-        reads.flush(|m| uplink.send(now, m, &mut send));
+    fn finish(&mut self) {
         self.receiver.finish();
         self.collect();
     }
@@ -225,14 +192,6 @@ impl<'m> Bridge<'m> {
                 Received::HopTable(table) => self.hop_table = Some(table),
                 _ => {}
             }
-        }
-    }
-
-    fn counts(&self) -> (DatagramCounts, FrameCounts) {
-        match &self.radar {
-            Radar::Idle(_) => Default::default(),
-            Radar::Raw(path) => (path.datagrams(), path.frames()),
-            Radar::Uart(path) => (DatagramCounts::default(), path.frames()),
         }
     }
 }
@@ -290,8 +249,6 @@ pub fn replay(
     out: &Path,
     progress: &mut dyn FnMut(f64) -> bool,
 ) -> Result<Summary, ReplayError> {
-    let mut cube = vec![Complex::default(); CUBE_CELLS];
-    let mut notes = Vec::new();
     let config = options.profile.as_ref().map(|profile| configuration(profile, options)).transpose()?;
     let stream = options.aligned.map(|points| {
         // Tags alone have no radar to be aligned with, but its frame period.
@@ -300,16 +257,18 @@ pub fn replay(
         let phases = phase::Settings { scene: options.scene, ..settings.phases };
         FrameStream::new(align::Settings { phases, ..settings })
     });
-    let mut bridge = Bridge::new(&mut cube, stream.transpose()?);
-    source::feed(path, config.as_ref(), &mut bridge, &mut notes, progress)?;
-    if bridge.frames.is_empty() && bridge.tag_reads.is_empty() {
+    let mut outcome = Outcome::new(stream.transpose()?);
+    let Bridged { datagrams, frames, mut notes } =
+        packets(path, config.as_ref(), &mut |_, packet| outcome.packet(packet), progress)?;
+    outcome.finish();
+    if outcome.frames.is_empty() && outcome.tag_reads.is_empty() {
         return Err(ReplayError::Nothing { path: path.to_path_buf() });
     }
     std::fs::create_dir_all(out).map_err(|source| ReplayError::Folder { path: out.to_path_buf(), source })?;
     let mut outputs = Vec::new();
     let mut strongest_moving = None;
-    if let Some(config) = config.as_ref().filter(|_| !bridge.frames.is_empty()) {
-        let series = radar::RadarSeries::new(config, &bridge.frames);
+    if let Some(config) = config.as_ref().filter(|_| !outcome.frames.is_empty()) {
+        let series = radar::RadarSeries::new(config, &outcome.frames);
         strongest_moving = series.strongest();
         outputs.extend(series.write(out)?);
         if matches!(detect(path)?, Format::AdcBin | Format::AdcNpy) {
@@ -328,29 +287,28 @@ pub fn replay(
         }
         _ => None,
     };
-    let tag_reads = if bridge.tag_reads.is_empty() {
+    let tag_reads = if outcome.tag_reads.is_empty() {
         None
     } else {
         let (figures, written) =
-            tags::write(out, &bridge.tag_reads, bridge.hop_table.as_ref(), options.scene, &mut notes)?;
+            tags::write(out, &outcome.tag_reads, outcome.hop_table.as_ref(), options.scene, &mut notes)?;
         outputs.extend(written);
         Some(figures)
     };
-    let aligned = match &mut bridge.stream {
+    let aligned = match &mut outcome.stream {
         Some(stream) => {
             stream.finish();
-            bridge.aligned.extend(std::iter::from_fn(|| stream.next()));
-            let counts = StreamCounts { link: bridge.receiver.counts(), ..stream.counts() };
-            let (figures, written) = aligned::write(out, &bridge.aligned, stream, counts)?;
+            outcome.aligned.extend(std::iter::from_fn(|| stream.next()));
+            let counts = StreamCounts { link: outcome.receiver.counts(), ..stream.counts() };
+            let (figures, written) = aligned::write(out, &outcome.aligned, stream, counts)?;
             outputs.extend(written);
             Some(figures)
         }
         None => None,
     };
-    let (datagrams, frames) = bridge.counts();
     Ok(Summary {
         file: path.to_path_buf(),
-        radar_frames: bridge.frames.len(),
+        radar_frames: outcome.frames.len(),
         frames_complete: frames.complete,
         frames_incomplete: frames.incomplete,
         frames_lost: frames.lost,
@@ -359,8 +317,8 @@ pub fn replay(
         datagrams_duplicate: datagrams.duplicate,
         datagrams_late: datagrams.late,
         datagrams_malformed: datagrams.malformed,
-        words_clipped: bridge.frames.iter().filter_map(|f| f.info).map(|i| u64::from(i.clipped)).sum(),
-        uplink: bridge.receiver.counts(),
+        words_clipped: outcome.frames.iter().filter_map(|f| f.info).map(|i| u64::from(i.clipped)).sum(),
+        uplink: outcome.receiver.counts(),
         strongest_moving,
         vibration,
         tag_reads,

@@ -15,7 +15,8 @@ use rfhoi_shared::config::{LLRP_PORT, RadarConfig};
 use rfhoi_shared::units::{AntennaPort, BridgeTime, ReaderTime};
 use rfhoi_shared::wire::BRIDGE_PORT;
 
-use super::{Bridge, ReplayError};
+use super::ReplayError;
+use super::bridge::Bridge;
 use crate::datagrams::Datagrams;
 use crate::detect::{Format, detect};
 use crate::inspect::{InspectError, MAX_LLRP_MESSAGE, UART_CHUNK};
@@ -138,7 +139,8 @@ fn uart(
     for (i, bytes) in chunks.iter().enumerate() {
         // The radar sends a frame in each period; what a chunk completes is dated by the frames before it.
         for piece in bytes.chunks(64) {
-            now = BridgeTime(bridge.frames.len() as u64 * period);
+            let (_, frames) = bridge.counts();
+            now = BridgeTime(u64::from(frames.complete) * period);
             bridge.radar(now, piece);
         }
         go_on(i, chunks.len(), progress)?;
@@ -171,7 +173,7 @@ fn packets(
                 }
                 None => unused += 1,
             },
-            (Protocol::Udp, BRIDGE_PORT, _) => bridge.packet(&record.payload),
+            (Protocol::Udp, BRIDGE_PORT, _) => bridge.packet(now, &record.payload),
             (Protocol::Tcp { continues }, LLRP_PORT, _) => {
                 let observer = readers.entry(record.source).or_default();
                 if !continues {

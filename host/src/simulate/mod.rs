@@ -17,7 +17,8 @@
 //! floor; metres, seconds, radians. A time of 0 s is the beginning of the sample.
 //!
 //! What is computed beyond the direct paths is a matter of [`effects`], each a switch. A [`sample`] is one performance as
-//! both see it; [`draw`] says what it is about, [`set`] writes many, [`recording`] writes one at the level of the wire.
+//! both see it; [`draw`] says what it is about, [`set`] writes many, [`recording`] writes one, or
+//! several as one [`session`], at the level of the wire.
 //! [`picture`] draws a sample for people to see what it is of, [`portrait`] has one sit for it.
 
 pub mod body;
@@ -36,6 +37,7 @@ pub mod recording;
 pub mod rfid;
 pub mod sample;
 pub mod scene;
+pub mod session;
 pub mod set;
 mod shape;
 mod stage;

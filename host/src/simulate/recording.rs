@@ -19,13 +19,16 @@ use rfhoi_shared::config::{LLRP_PORT, ReaderConfig};
 use rfhoi_shared::scene::Scene as Needs;
 use rfhoi_shared::tag::TagRead;
 use rfhoi_shared::units::{CentiDbm, Kilohertz, ReaderTime};
+use rfhoi_shared::wire::BRIDGE_PORT;
 
 use super::radar::{Radar, RadarError};
 use super::rfid::report::access_report;
-use super::sample::{Take, epoch};
+use super::sample::epoch;
 use super::scene;
+use super::session::Session;
 use crate::datagrams::{Cutter, Datagram};
-use crate::recording::{BRIDGE_IP, RADAR_IP, READER_IP, Writer, WriterError};
+use crate::recording::{BRIDGE_IP, HOST_IP, RADAR_IP, READER_IP, Writer, WriterError};
+use crate::replay::{ReplayError, packets};
 
 /// Why there is no recording.
 #[derive(Debug, thiserror::Error)]
@@ -42,6 +45,12 @@ pub enum RecordError {
     /// The recording cannot be written.
     #[error(transparent)]
     Write(#[from] WriterError),
+    /// No place for what the devices send to a bridge.
+    #[error("cannot make a temporary folder: {0}")]
+    Folder(std::io::Error),
+    /// The bridge.
+    #[error(transparent)]
+    Bridge(#[from] ReplayError),
     /// The user stopped it.
     #[error("stopped; nothing was written")]
     Interrupted,
@@ -66,61 +75,103 @@ const REQUESTS: u32 = 7;
 const PAUSE_US: u64 = 2_000;
 /// When the reader begins to read, us.
 const STARTED_US: u64 = (REQUESTS as u64 * 2 + 1) * PAUSE_US;
+/// Share of the work on a bridge's recording that is simulation.
+const SIMULATING: f64 = 0.9;
 /// From singulation to the network, us.
 const REPORT_DELAY_US: u64 = 700;
 
-/// Writes a recording of `take` to `path`; `radar_rng` and `reader_rng` seed each device's noise. `progress` is told the
+/// Writes a recording of `session` to `path`; `radar_rng` and `reader_rng` seed each device's noise. `progress` is told the
 /// share that is done, 0 to 1, and says whether to go on.
 ///
 /// # Errors
 /// If the profile has no geometry or the file cannot be written.
 pub fn record(
     path: &Path,
-    take: &Take<'_>,
+    session: &Session<'_>,
     radar_rng: &mut ChaCha8Rng,
     reader_rng: &mut ChaCha8Rng,
     progress: &mut dyn FnMut(f64) -> bool,
 ) -> Result<Summary, RecordError> {
-    let mut radar = Radar::new(take.scene, take.effects)?;
-    radar.begin(take.fixtures, radar_rng);
+    let effects = session.effects();
+    let mut radar = Radar::new(session.takes()[0].scene, effects)?;
     let profile = radar.config().profile.clone();
     let mut writer = Writer::create(path)?;
-    let (reads, channels) = take.reads(reader_rng);
+    let (reads, channels) = session.reads(reader_rng);
     let mut reader = Reader::new(&reads);
-    reader.connect(&channels, take.tags.len() as u8, &take.scene.reader, &mut writer)?;
+    let antennas = &session.takes()[0].scene.reader;
+    reader.connect(&channels, session.tags().len() as u8, antennas, &mut writer)?;
     let mut chirp = vec![0; profile.chirp_bytes() as usize];
     let mut cutter = Cutter::default();
     let mut datagrams = 0;
-    let times = take.frame_times(&profile);
+    let times = session.frame_times(&profile);
     let frames = times.len() as u32;
     let [from, to] = [RADAR_IP, BRIDGE_IP].map(|ip| SocketAddrV4::new(ip, dca1000::DATA_PORT));
     let mut send = |writer: &mut Writer, time_us, datagram: &Datagram| {
         datagrams += 1;
         writer.udp(time_us, from, to, &datagram.bytes)
     };
+    let mut on = None;
     for (frame, time_s) in (0_u32..).zip(times) {
         if !progress(f64::from(frame) / f64::from(frames)) {
             return Err(RecordError::Interrupted);
         }
         let sample_us = u64::from(frame) * u64::from(profile.frame_period_us);
+        let (number, time_s) = session.at(time_s);
+        let take = &session.takes()[number];
+        if on.replace(number) != Some(number) {
+            radar.begin(take.fixtures, radar_rng);
+        }
         radar.look(take.performance, time_s);
         for index in 0..profile.chirps_per_frame() {
             radar.chirp(index, &mut chirp);
             let end_us = u64::from(index + 1) * profile.chirp_period_ns() / 1_000;
-            let chirp_us = epoch(&take.effects).after(sample_us + end_us).0;
+            let chirp_us = epoch(&effects).after(sample_us + end_us).0;
             reader.report_until(chirp_us, &mut writer)?;
             for datagram in cutter.push(&chirp) {
                 send(&mut writer, chirp_us, &datagram)?;
             }
         }
     }
-    let end_us = epoch(&take.effects).after(u64::from(frames) * u64::from(profile.frame_period_us)).0;
+    let end_us = epoch(&effects).after(u64::from(frames) * u64::from(profile.frame_period_us)).0;
     reader.report_until(end_us, &mut writer)?;
     if let Some(datagram) = cutter.finish() {
         send(&mut writer, end_us, &datagram)?;
     }
     writer.finish()?;
     Ok(Summary { radar_frames: frames, datagrams, tag_reads: reader.reports })
+}
+
+/// As [`record`], but of what a bridge would have sent to its host: the same through the bridge's own logic.
+///
+/// # Errors
+/// As [`record`], or if the bridge refuses the profile.
+pub fn record_bridge(
+    path: &Path,
+    session: &Session<'_>,
+    radar_rng: &mut ChaCha8Rng,
+    reader_rng: &mut ChaCha8Rng,
+    progress: &mut dyn FnMut(f64) -> bool,
+) -> Result<Summary, RecordError> {
+    let config = Radar::new(session.takes()[0].scene, session.effects())?.config().clone();
+    let mut writer = Writer::create(path)?;
+    let folder = tempfile::tempdir().map_err(RecordError::Folder)?;
+    let devices = folder.path().join("devices.pcap");
+    let summary = record(&devices, session, radar_rng, reader_rng, &mut |share| progress(SIMULATING * share))?;
+    let [from, to] = [BRIDGE_IP, HOST_IP].map(|ip| SocketAddrV4::new(ip, BRIDGE_PORT));
+    let mut written = Ok(());
+    packets(
+        &devices,
+        Some(&config),
+        &mut |now, packet| {
+            if written.is_ok() {
+                written = writer.udp(now.0, from, to, packet);
+            }
+        },
+        &mut |share| progress(SIMULATING + (1.0 - SIMULATING) * share),
+    )?;
+    written?;
+    writer.finish()?;
+    Ok(summary)
 }
 
 /// A simulated reader's end of the connection.
@@ -221,7 +272,7 @@ mod tests {
     use crate::recording::{Protocol, Recording};
     use crate::simulate::draw::{Wanted, draw};
     use crate::simulate::effects::{Domain, Effects};
-    use crate::simulate::sample::perform;
+    use crate::simulate::sample::{Take, perform};
     use crate::simulate::scene::Scene;
 
     /// A scene whose radar sends little.
@@ -244,7 +295,7 @@ mod tests {
         let (performance, tags) = perform(wanted.domain, 1, draw, &scenes[0]).unwrap();
         let take = Take::of(&scenes[0], &performance, &tags, Effects::of(wanted.domain));
         let [mut radar, mut reader] = [seed, !seed].map(ChaCha8Rng::seed_from_u64);
-        record(path, &take, &mut radar, &mut reader, &mut |_| go_on)
+        record(path, &Session::new(take, []), &mut radar, &mut reader, &mut |_| go_on)
     }
 
     #[test]
