@@ -4,13 +4,14 @@ use std::time::Instant;
 
 use rfhoi_int8::Kernels;
 use rfhoi_network::execute::Executor;
-use rfhoi_network::model::{Model, Precision};
+use rfhoi_network::model::Model;
 use rfhoi_network::reference::Reference;
 use rfhoi_network::sample::Frames;
 use rfhoi_network::sample::Runner;
 use serde::{Deserialize, Serialize};
 
 use super::{Data, MeasureError};
+use crate::recognize::model::runner;
 
 /// Frames of the window that is timed: 6 s.
 pub const WINDOW: usize = 60;
@@ -32,10 +33,7 @@ pub struct Timing {
 /// If the model does not run.
 pub fn time(model: &Model, data: &Data, threads: usize) -> Result<Timing, MeasureError> {
     let kernels = Kernels::best().with_threads(threads);
-    let mut runner: Box<dyn Runner> = match model.description.precision {
-        Precision::F32 => Box::new(Reference::new(model)?),
-        Precision::Int8 => Box::new(Executor::new(model, kernels)?),
-    };
+    let mut runner = runner(model, kernels)?;
     let Some(sample) = data.set.samples.iter().max_by_key(|sample| sample.frames.len()) else {
         return Ok(Timing { frame_ms: 0.0, answer_ms: 0.0 });
     };
