@@ -27,8 +27,11 @@ On stdout one line of JSON, milliseconds and largest differences of probabilitie
 import sys
 from pathlib import Path
 
-# This file's folder is where Python looks first, and there `onnx` would be this file.
-sys.path = [entry for entry in sys.path if Path(entry or ".").resolve() != Path(__file__).resolve().parent]
+# This file's folder is where Python looks first, and there `onnx` would be this file: it looks there last.
+FOLDER = Path(__file__).resolve().parent
+sys.path = [entry for entry in sys.path if Path(entry or ".").resolve() != FOLDER] + [str(FOLDER)]
+# And it stays clean.
+sys.dont_write_bytecode = True
 
 import argparse
 import json
@@ -46,288 +49,19 @@ from onnx import TensorProto, helper, numpy_helper
 from onnxruntime import quantization
 from onnxruntime.quantization import matmul_nbits_quantizer
 
+import network_reference as reference
+from network_graphs import IR_VERSION, OPSET, Case, Mismatch, Model, encoder_graph, rest_graph, write_safetensors
+
 # Largest difference of f32 probabilities that passes, and of int8's that can stand for the network.
 F32_BOUND = 1e-4
 USABLE = 0.1
 THREADS = (1, 2)
-ACTIONS, SCALARS, READ_CHANNELS, MAPS = 8, 6, 6, 3
-LEAK, EPSILON = 0.01, 1e-5
-# With layer normalisation; the newest IR that goes with it.
-OPSET, IR_VERSION, MICROSOFT = 17, 8, "com.microsoft"
-
 # Frames of the case that ranges of the encoder's values are taken from, evenly spread.
 CALIBRATION_FRAMES = 12
 # Seconds of a first look at one way, and of one turn of a way and turns in a round.
 LOOK, TURN, TURNS = 0.15, 0.1, 5
 # Fastest ways that go into the rounds.
 FINALISTS = 3
-
-DTYPES = {"F32": np.dtype("<f4"), "U8": np.dtype("u1")}
-
-
-class Mismatch(Exception):
-    """What is compared is not the same, or cannot be."""
-
-
-# Files
-
-
-def read_safetensors(path):
-    """Arrays by name, and the header's text entries."""
-    raw = Path(path).read_bytes()
-    length = int.from_bytes(raw[:8], "little")
-    header = json.loads(raw[8 : 8 + length])
-    metadata = header.pop("__metadata__", {})
-    arrays = {}
-    for name, entry in header.items():
-        start, end = entry["data_offsets"]
-        values = np.frombuffer(raw[8 + length + start : 8 + length + end], DTYPES[entry["dtype"]])
-        arrays[name] = values.reshape(entry["shape"])
-    return arrays, metadata
-
-
-def write_safetensors(path, arrays, metadata=None):
-    header, data = {"__metadata__": metadata} if metadata else {}, b""
-    kinds = {dtype: name for name, dtype in DTYPES.items()}
-    parts, end = [], 0
-    for name, values in sorted(arrays.items()):
-        data = values.tobytes()
-        header[name] = {"dtype": kinds[values.dtype], "shape": values.shape, "data_offsets": [end, end + len(data)]}
-        parts.append(data)
-        end += len(data)
-    text = json.dumps(header).encode()
-    Path(path).write_bytes(len(text).to_bytes(8, "little") + text + b"".join(parts))
-
-
-class Model:
-    """Weights and shape of a network of ours."""
-
-    def __init__(self, path):
-        self.arrays, metadata = read_safetensors(path)
-        description = json.loads(metadata["rf-hoi"])
-        if description.get("precision", "f32") != "f32":
-            raise Mismatch("the model is not an f32 one")
-        self.config = config = description["config"]
-        self.radar, self.tags, self.fusion = config["radar"], config["tags"], config["fusion"]
-        if self.fusion not in ("concat", "none", "rfid", "radar") or "convolutions" not in config["encoder"]:
-            raise Mismatch("only networks of convolutions, with no other fusion than by concatenation, become graphs")
-        if any(branch["temporal"] != "transformer" for branch in (self.radar, self.tags)):
-            raise Mismatch("only transformers become graphs")
-        self.has_radar, self.has_tags = self.fusion != "rfid", self.fusion != "radar"
-        self.convolutions = config["encoder"]["convolutions"]
-        self.maps = [number for number in range(MAPS) if config["maps"][number]]
-        if not self.maps:
-            raise Mismatch("a network that looks at no map does not become a graph")
-        self.taken = set()
-
-    def __getitem__(self, name):
-        self.taken.add(name)
-        return self.arrays[name]
-
-
-class Case:
-    """One window, as the graphs take it."""
-
-    def __init__(self, path, model):
-        arrays, _ = read_safetensors(path)
-        config, stack = model.config, model.tags["stack"]
-        self.maps = np.ascontiguousarray(arrays["maps"][:, model.maps])
-        self.scalars, self.names = arrays["scalars"], arrays["names"]
-        reads = arrays["reads"]
-        self.frames, self.count, antennas, _ = reads.shape
-        # Tokens of a tag: frames of a stack one after the other, zeros past the end and for antennas that are not there.
-        groups, taken = -(-self.frames // stack), min(antennas, config["antennas"])
-        slots = np.zeros((self.count, groups * stack, config["antennas"], READ_CHANNELS), np.float32)
-        slots[:, : self.frames, :taken] = reads[:, :, :taken].transpose(1, 0, 2, 3)
-        self.reads = slots.reshape(self.count, groups, -1)
-        self.want = {"actions": arrays["actions"], "targets": arrays["targets"]}
-
-    def frame(self, number):
-        return {"maps": self.maps[number : number + 1], "scalars": self.scalars[number : number + 1]}
-
-    def window(self, model, tokens):
-        feeds = {"tokens": tokens} if model.has_radar else {}
-        return feeds | ({"reads": self.reads, "names": self.names} if model.has_tags else {})
-
-
-# Graphs
-
-
-class Graph:
-    """Nodes one after the other; values are known by name."""
-
-    def __init__(self, model):
-        self.model = model
-        self.nodes, self.constants, self.inputs, self.outputs, self.shapes = [], [], [], [], []
-
-    def input(self, name, kind, shape):
-        self.inputs.append(helper.make_tensor_value_info(name, kind, shape))
-        return name
-
-    def output(self, name, value, shape):
-        self.nodes.append(helper.make_node("Identity", [value], [name], name))
-        self.outputs.append(helper.make_tensor_value_info(name, TensorProto.FLOAT, shape))
-
-    def constant(self, values):
-        name = f"constant{len(self.constants)}"
-        self.constants.append(numpy_helper.from_array(np.ascontiguousarray(values), name))
-        return name
-
-    def __call__(self, kind, *inputs, outputs=1, **attributes):
-        number = len(self.nodes)
-        names = [f"{kind}{number}_{n}" for n in range(outputs)]
-        self.nodes.append(helper.make_node(kind, inputs, names, f"{kind}{number}", **attributes))
-        return names[0] if outputs == 1 else names
-
-    def reshape(self, value, *shape):
-        return self("Reshape", value, self.constant(np.array(shape, np.int64)))
-
-    def affine(self, value, weight, bias):
-        return self("Gemm", value, self.constant(weight), self.constant(bias))
-
-    def dense(self, value, name):
-        return self.affine(value, self.model[f"{name}.weight"], self.model[f"{name}.bias"])
-
-    def leaky(self, value):
-        return self("LeakyRelu", value, alpha=LEAK)
-
-    def norm(self, value, name):
-        gamma, beta = self.constant(self.model[f"{name}.gamma"]), self.constant(self.model[f"{name}.beta"])
-        return self("LayerNormalization", value, gamma, beta, axis=-1, epsilon=EPSILON)
-
-    def attention(self, kind, heads, shape, *inputs):
-        seen = self(kind, *inputs, domain=MICROSOFT, num_heads=heads)
-        # Nothing infers the shapes of this domain.
-        self.shapes.append(helper.make_tensor_value_info(seen, TensorProto.FLOAT, shape))
-        return seen
-
-    def head(self, value, name):
-        return self.dense(self.leaky(self.dense(value, f"heads.{name}.first")), f"heads.{name}.second")
-
-    def finish(self, name):
-        graph = helper.make_graph(self.nodes, name, self.inputs, self.outputs, self.constants, value_info=self.shapes)
-        sets = [helper.make_opsetid("", OPSET), helper.make_opsetid(MICROSOFT, 1)]
-        made = helper.make_model(graph, opset_imports=sets, ir_version=IR_VERSION, producer_name="rf-hoi")
-        return onnx.shape_inference.infer_shapes(made, data_prop=True)
-
-
-def encoder_graph(model, form):
-    """One frame's maps and scalars to its token, with the maps' convolutions `apart` or `grouped` in one."""
-    g, points, shape, used = Graph(model), model.config["points"], model.convolutions, len(model.maps)
-    maps = g.input("maps", TensorProto.UINT8, [1, used, points, points])
-    scalars = g.input("scalars", TensorProto.FLOAT, [1, SCALARS])
-    stride, pool = shape["stride"], shape["pool"]
-
-    def convolve(value, layer, maps, group, stride, scale):
-        names = [f"radar.encoder.maps.{number}.{layer}" for number in maps]
-        weight = np.concatenate([model[f"{name}.weight"] for name in names]) * np.float32(scale)
-        bias = np.concatenate([model[f"{name}.bias"] for name in names])
-        attributes = {"group": group, "strides": [stride] * 2, "pads": [1] * 4, "kernel_shape": [3, 3]}
-        return g.leaky(g("Conv", value, g.constant(weight), g.constant(bias), **attributes))
-
-    def encode(codes, numbers):
-        value = g("Cast", codes, to=TensorProto.FLOAT)
-        # Codes are of 0 to 255, maps of 0 to 1; the first convolution's weights see to it.
-        value = convolve(value, "first", numbers, len(numbers), stride, 1 / 255)
-        value = convolve(value, "second", numbers, len(numbers), 1, 1)
-        return g("Flatten", g("MaxPool", value, kernel_shape=[pool] * 2, strides=[pool] * 2))
-
-    # Arrays are numbered by the maps that are looked at, not by all maps.
-    if form == "grouped" or used == 1:
-        features = [encode(maps, range(used))]
-    else:
-        each = g("Split", maps, outputs=used, axis=1)
-        features = [encode(codes, [number]) for number, codes in enumerate(each)]
-    joined = g("Concat", *features, scalars, axis=1)
-    token = g.dense(g.leaky(g.dense(joined, "radar.encoder.first")), "radar.encoder.second")
-    g.output("token", token, [1, model.radar["width"]])
-    return g.finish("encoder")
-
-
-def positions(length, width):
-    """Sinusoidal positions, sine at even places and cosine at odd ones."""
-    place = np.arange(width)
-    angle = np.arange(length)[:, None] / 10_000.0 ** (place // 2 * 2 / width)
-    return np.where(place % 2 == 0, np.sin(angle), np.cos(angle)).astype(np.float32)
-
-
-def transformer(g, value, batch, length, branch, name, form):
-    """(batch * length, width) to the same; attention in single operators (`plain`), `joined` in one, or `fused`
-    with the projection before it."""
-    width, heads = branch["width"], branch["heads"]
-    size = width // heads
-    value = g("Add", value, g.constant(np.tile(positions(length, width), (batch, 1))))
-    name = f"{name}.temporal.Transformer"
-    for number in range(branch["layers"]):
-        layer = f"{name}.layers.{number}"
-        weight, bias = (g.model[f"{layer}.attention.qkv.{part}"] for part in ("weight", "bias"))
-        normed = g.norm(value, f"{layer}.attention_norm")
-        if form == "fused":
-            tokens = g.reshape(normed, batch, length, width)
-            seen = g.attention("Attention", heads, [batch, length, width], tokens, g.constant(weight), g.constant(bias))
-        elif form == "joined":
-            qkv = g.reshape(g.affine(normed, weight, bias), batch, length, 3 * width)
-            parts = g("Split", qkv, outputs=3, axis=2)
-            seen = g.attention("MultiHeadAttention", heads, [batch, length, width], *parts)
-        else:
-            # Scores are over the root of the size; the queries' weights see to it.
-            scale = np.repeat([size**-0.5, 1, 1], width).astype(np.float32)
-            qkv = g.reshape(g.affine(normed, weight * scale, bias * scale), batch, length, 3 * heads, size)
-            q, k, v = g("Split", g("Transpose", qkv, perm=[0, 2, 1, 3]), outputs=3, axis=1)
-            scores = g("Softmax", g("MatMul", q, g("Transpose", k, perm=[0, 1, 3, 2])), axis=-1)
-            seen = g("Transpose", g("MatMul", scores, v), perm=[0, 2, 1, 3])
-        seen = g.dense(g.reshape(seen, batch * length, width), f"{layer}.attention.out")
-        value = g("Add", value, seen)
-        inner = g.leaky(g.dense(g.norm(value, f"{layer}.dense_norm"), f"{layer}.wide"))
-        value = g("Add", value, g.dense(inner, f"{layer}.narrow"))
-    return g.norm(value, f"{name}.norm")
-
-
-def pooled(g, value, batch, length, width):
-    """Means over the tokens, (batch, width)."""
-    return g("ReduceMean", g.reshape(value, batch, length, width), axes=[1], keepdims=0)
-
-
-def radar_branch(g, model, frames, form):
-    width, stack = model.radar["width"], model.radar["stack"]
-    tokens = g.input("tokens", TensorProto.FLOAT, [frames, width])
-    groups = -(-frames // stack)
-    if stack > 1:
-        if missing := groups * stack - frames:
-            tokens = g("Concat", tokens, g.constant(np.zeros((missing, width), np.float32)), axis=0)
-        tokens = g.dense(g.reshape(tokens, groups, stack * width), "radar.stack")
-    return pooled(g, transformer(g, tokens, 1, groups, model.radar, "radar", form), 1, groups, width)
-
-
-def tag_branch(g, model, reads_shape, form):
-    width, dimensions = model.tags["width"], model.config["name_dimensions"]
-    count, groups, features = reads_shape
-    reads = g.input("reads", TensorProto.FLOAT, [count, groups, features])
-    names = g.input("names", TensorProto.FLOAT, [count, dimensions])
-    tokens = g.dense(g.reshape(reads, count * groups, features), "tags.encoder")
-    tokens = g.leaky(g.norm(tokens, "tags.norm"))
-    tokens = transformer(g, tokens, count, groups, model.tags, "tags", form)
-    both = g("Concat", pooled(g, tokens, count, groups, width), g.dense(names, "tags.names"), axis=1)
-    return g.leaky(g.dense(both, "tags.join"))
-
-
-def rest_graph(model, case, form):
-    """Tokens, reads and names to the probabilities of actions and targets."""
-    g, count = Graph(model), case.count
-    radar = radar_branch(g, model, case.frames, form) if model.has_radar else None
-    tags = tag_branch(g, model, case.reads.shape, form) if model.has_tags else None
-    evidence = [tags] if tags else []
-    if radar and model.fusion != "none":
-        evidence.append(g("Expand", radar, g.constant(np.array([count, model.radar["width"]], np.int64))))
-    scores = g.head(g("Concat", *evidence, axis=1) if len(evidence) > 1 else evidence[0], "target")
-    targets = g("Softmax", g.reshape(scores, 1, count), axis=1)
-    evidence = [radar] if radar else []
-    if tags and model.fusion != "none":
-        evidence += [g("MatMul", targets, tags), g("ReduceMean", tags, axes=[0], keepdims=1)]
-    actions = g.head(g("Concat", *evidence, axis=1) if len(evidence) > 1 else evidence[0], "action")
-    g.output("actions", g.reshape(g("Softmax", actions, axis=1), ACTIONS), [ACTIONS])
-    g.output("targets", g.reshape(targets, count), [count])
-    return g.finish("rest")
 
 
 # int8
@@ -504,20 +238,25 @@ class Peer:
         return np.concatenate([run.of(self.case.frame(n))["token"] for n in range(self.case.frames)])
 
     def answer(self, graph, tokens):
-        return Run(graph, self.case.window(self.model, tokens), 1).of(self.case.window(self.model, tokens))
+        window = self.case.window(self.model, tokens)
+        return Run(graph, window, 1).of(window)
 
     def check(self):
         """f32 of all forms against the case."""
-        plain = {graph: {form: m.SerializeToString() for form, m in forms.items()} for graph, forms in self.graphs.items()}
-        self.difference = 0.0
-        for encoder in plain.get("encoder", {"": None}).values():
-            self.f32_tokens = self.tokens(encoder)
-            for rest in plain["rest"].values():
-                self.f32 = self.answer(rest, self.f32_tokens)
-                for name, values in self.case.want.items():
-                    if self.f32[name].shape != values.shape:
-                        raise Mismatch(f"{name} is {self.f32[name].shape}, the case has {values.shape}")
-                self.difference = max(self.difference, difference(self.f32, self.case.want))
+        encoders = self.graphs.get("encoder", {"": None})
+        tokens = [self.tokens(encoder and encoder.SerializeToString()) for encoder in encoders.values()]
+        self.f32_tokens = tokens[0]
+        window = self.case.window(self.model, self.f32_tokens)
+        rests = {form: Run(graph.SerializeToString(), window, 1) for form, graph in self.graphs["rest"].items()}
+        # What any tokens lead to is asked of this one.
+        self.f32_rest = rests["plain"]
+        self.f32 = self.f32_rest.of(window)
+        answers = [run.of(window) for run in rests.values()]
+        answers += [self.f32_rest.of(self.case.window(self.model, other)) for other in tokens[1:]]
+        for name, values in self.case.want.items():
+            if self.f32[name].shape != values.shape:
+                raise Mismatch(f"{name} is {self.f32[name].shape}, the case has {values.shape}")
+        self.difference = max(difference(answer, self.case.want) for answer in answers)
         if not self.difference <= F32_BOUND:
             raise Mismatch(f"f32 probabilities differ by {self.difference:.2e}, {F32_BOUND} pass")
 
@@ -526,7 +265,6 @@ class Peer:
         some = range(0, self.case.frames, -(-self.case.frames // CALIBRATION_FRAMES))
         frames = [self.case.frame(number) for number in some]
         feeds = {"encoder": frames, "rest": [self.case.window(self.model, self.f32_tokens)]}
-        plain = self.graphs["rest"]["plain"].SerializeToString()
         self.differences = {}
         for graph, forms in self.graphs.items():
             for form, model in forms.items():
@@ -537,7 +275,7 @@ class Peer:
                         if precision != "f32":
                             made = quantise(precision, model, feeds[graph], folder)
                         if graph == "encoder":
-                            got = self.answer(plain, self.tokens(made))
+                            got = self.f32_rest.of(self.case.window(self.model, self.tokens(made)))
                         else:
                             got = self.answer(made, self.f32_tokens)
                     except Exception as error:  # What it cannot do is part of the result.
@@ -678,195 +416,7 @@ def compare(folder, repeat, command):
     print(json.dumps(report(peer, *measure(peer, repeat, command))), flush=True)
 
 
-# Self-test: networks of random weights, and the same mathematics by numpy alone in f64.
-
-
-def dense_of(w, name, x):
-    return x @ w[f"{name}.weight"] + w[f"{name}.bias"]
-
-
-def leaky_of(x):
-    return np.where(x < 0, LEAK * x, x)
-
-
-def norm_of(w, name, x):
-    centred = x - x.mean(-1, keepdims=True)
-    return centred / np.sqrt((centred**2).mean(-1, keepdims=True) + EPSILON) * w[f"{name}.gamma"] + w[f"{name}.beta"]
-
-
-def softmax_of(x):
-    e = np.exp(x - x.max(-1, keepdims=True))
-    return e / e.sum(-1, keepdims=True)
-
-
-def convolution_of(w, name, x, stride):
-    """(in, P, P) to (out, P / stride, P / stride)."""
-    padded = np.pad(x, ((0, 0), (1, 1), (1, 1)))
-    windows = np.lib.stride_tricks.sliding_window_view(padded, (3, 3), axis=(1, 2))[:, ::stride, ::stride]
-    return np.einsum("iyxab,oiab->oyx", windows, w[f"{name}.weight"]) + w[f"{name}.bias"][:, None, None]
-
-
-def token_of(w, config, maps, scalars):
-    shape, features = config["encoder"]["convolutions"], []
-    pool = shape["pool"]
-    for number, place in enumerate(np.flatnonzero(config["maps"])):
-        name = f"radar.encoder.maps.{number}"
-        x = leaky_of(convolution_of(w, f"{name}.first", maps[place][None] / 255.0, shape["stride"]))
-        x = leaky_of(convolution_of(w, f"{name}.second", x, 1))
-        channels, side, _ = x.shape
-        features.append(x.reshape(channels, side // pool, pool, side // pool, pool).max((2, 4)).ravel())
-    joined = np.concatenate([*features, scalars])
-    return dense_of(w, "radar.encoder.second", leaky_of(dense_of(w, "radar.encoder.first", joined)))
-
-
-def sequence_of(w, name, branch, x):
-    """(L, W) to its mean after the transformer."""
-    width, heads = branch["width"], branch["heads"]
-    for at in range(len(x)):
-        for place in range(width):
-            angle = at / 10_000 ** ((place - place % 2) / width)
-            x[at, place] += np.cos(angle) if place % 2 else np.sin(angle)
-    for number in range(branch["layers"]):
-        layer = f"{name}.temporal.Transformer.layers.{number}"
-        qkv = dense_of(w, f"{layer}.attention.qkv", norm_of(w, f"{layer}.attention_norm", x))
-        seen = []
-        for part in np.split(np.arange(width), heads):
-            q, k, v = (qkv[:, part + offset] for offset in (0, width, 2 * width))
-            seen.append(softmax_of(q @ k.T / np.sqrt(width / heads)) @ v)
-        x = x + dense_of(w, f"{layer}.attention.out", np.concatenate(seen, 1))
-        inner = leaky_of(dense_of(w, f"{layer}.wide", norm_of(w, f"{layer}.dense_norm", x)))
-        x = x + dense_of(w, f"{layer}.narrow", inner)
-    return norm_of(w, f"{name}.temporal.Transformer.norm", x).mean(0)
-
-
-def answer_of(w, config, case):
-    fusion, radar, tags = config["fusion"], None, None
-    frames, count, _, _ = case["reads"].shape
-    head = lambda name, x: dense_of(w, f"heads.{name}.second", leaky_of(dense_of(w, f"heads.{name}.first", x)))
-    if fusion != "rfid":
-        tokens = [token_of(w, config, *frame) for frame in zip(case["maps"], case["scalars"])]
-        if (stack := config["radar"]["stack"]) > 1:
-            tokens += [np.zeros_like(tokens[0])] * (-frames % stack)
-            tokens = [dense_of(w, "radar.stack", np.concatenate(tokens[n : n + stack])) for n in range(0, len(tokens), stack)]
-        radar = sequence_of(w, "radar", config["radar"], np.array(tokens))
-    if fusion != "radar":
-        stack, antennas, tags = config["tags"]["stack"], config["antennas"], []
-        for tag in range(count):
-            tokens = []
-            for first in range(0, frames, stack):
-                token = np.zeros((stack, antennas, READ_CHANNELS))
-                for slot, reads in enumerate(case["reads"][first : first + stack, tag]):
-                    for antenna, read in enumerate(reads[:antennas]):
-                        token[slot, antenna] = read
-                tokens.append(leaky_of(norm_of(w, "tags.norm", dense_of(w, "tags.encoder", token.ravel()))))
-            moved = sequence_of(w, "tags", config["tags"], np.array(tokens))
-            both = np.concatenate([moved, dense_of(w, "tags.names", case["names"][tag])])
-            tags.append(leaky_of(dense_of(w, "tags.join", both)))
-    joined = fusion == "concat"
-    evidence = [np.concatenate([*([tags[t]] if tags else []), *([radar] if joined or not tags else [])]) for t in range(count)]
-    targets = softmax_of(np.array([head("target", e)[0] for e in evidence]))
-    evidence = [radar] if fusion != "rfid" else []
-    if tags and fusion != "none":
-        evidence += [sum(t * p for t, p in zip(tags, targets)), sum(tags) / count]
-    return {"actions": softmax_of(head("action", np.concatenate(evidence))), "targets": targets}
-
-
-def random_weights(config, random):
-    w, radar, tags, fusion = {}, config["radar"], config["tags"], config["fusion"]
-
-    def layer(name, shape, inputs, gain=1.0):
-        bound = gain * inputs**-0.5
-        w[f"{name}.weight"] = random.uniform(-bound, bound, shape).astype(np.float32)
-        w[f"{name}.bias"] = random.uniform(-bound, bound, shape[0] if len(shape) == 4 else shape[1]).astype(np.float32)
-
-    def dense(name, a, b, gain=1.0):
-        layer(name, (a, b), a, gain)
-
-    def norm(name, width):
-        w[f"{name}.gamma"] = random.uniform(0.5, 1.5, width).astype(np.float32)
-        w[f"{name}.beta"] = random.uniform(-0.5, 0.5, width).astype(np.float32)
-
-    def sequence(name, branch):
-        width = branch["width"]
-        for number in range(branch["layers"]):
-            at = f"{name}.temporal.Transformer.layers.{number}"
-            norm(f"{at}.attention_norm", width)
-            # Strong enough that attention is not everywhere the same.
-            dense(f"{at}.attention.qkv", width, 3 * width, 2.0)
-            dense(f"{at}.attention.out", width, width)
-            norm(f"{at}.dense_norm", width)
-            dense(f"{at}.wide", width, branch["feed_forward"])
-            dense(f"{at}.narrow", branch["feed_forward"], width)
-        norm(f"{name}.temporal.Transformer.norm", width)
-
-    if fusion != "rfid":
-        shape = config["encoder"]["convolutions"]
-        first, second = shape["channels"]
-        side = config["points"] // shape["stride"] // shape["pool"]
-        for number in range(sum(config["maps"])):
-            layer(f"radar.encoder.maps.{number}.first", (first, 1, 3, 3), 9)
-            layer(f"radar.encoder.maps.{number}.second", (second, first, 3, 3), 9 * first)
-        dense("radar.encoder.first", sum(config["maps"]) * second * side * side + SCALARS, radar["width"])
-        dense("radar.encoder.second", radar["width"], radar["width"])
-        if radar["stack"] > 1:
-            dense("radar.stack", radar["stack"] * radar["width"], radar["width"])
-        sequence("radar", radar)
-    if fusion != "radar":
-        dense("tags.encoder", tags["stack"] * config["antennas"] * READ_CHANNELS, tags["width"])
-        norm("tags.norm", tags["width"])
-        sequence("tags", tags)
-        dense("tags.names", config["name_dimensions"], tags["width"])
-        dense("tags.join", 2 * tags["width"], tags["width"])
-    a, b = radar["width"], tags["width"]
-    widths = {"concat": (a + 2 * b, a + b), "none": (a, b), "rfid": (2 * b, b), "radar": (a, a)}[fusion]
-    inner = a if fusion != "rfid" else b
-    # Strong heads, so that probabilities are not all alike.
-    for name, seen, inner, out in (("action", widths[0], inner, ACTIONS), ("target", widths[1], b, 1)):
-        dense(f"heads.{name}.first", seen, inner, 2.0)
-        dense(f"heads.{name}.second", inner, out, 4.0)
-    return w
-
-
-def random_case(config, random, frames, count, antennas):
-    points = config["points"]
-    maps = (255 * random.random((frames, MAPS, points, points)) ** 3).astype(np.uint8)
-    maps[:, :, 0, 0] = 255
-    reads = random.normal(0, 0.5, (frames, count, antennas, READ_CHANNELS)) + random.normal(0, 0.5, (count, 1, READ_CHANNELS))
-    names = random.normal(0, 1, (count, config["name_dimensions"]))
-    return {
-        "maps": maps,
-        "scalars": random.random((frames, SCALARS)).astype(np.float32),
-        "reads": reads.astype(np.float32),
-        "names": names.astype(np.float32),
-    }
-
-
-def shape_of(points, maps, channels, stride, pool, radar, tags, fusion="concat", antennas=4, dimensions=32):
-    branches = {}
-    for name, (width, layers, heads, feed_forward, stack) in (("radar", radar), ("tags", tags)):
-        sizes = {"width": width, "layers": layers, "heads": heads, "feed_forward": feed_forward, "stack": stack}
-        branches[name] = {**sizes, "temporal": "transformer"}
-    encoder = {"convolutions": {"channels": channels, "stride": stride, "pool": pool}}
-    given = {"points": points, "maps": maps, "antennas": antennas, "name_dimensions": dimensions, "encoder": encoder}
-    return {**given, **branches, "fusion": fusion, "dropout": 0.1}
-
-
-ALL = [True] * MAPS
-# Configuration, frames, tags, antennas of the reader: all that can be odd, then the two shapes that are timed.
-ODD = {
-    "stacks past the end": (shape_of(16, ALL, [3, 5], 2, 2, (12, 2, 3, 20, 4), (8, 1, 1, 12, 3)), 10, 3, 4),
-    "fewer antennas than the network": (shape_of(8, ALL, [1, 2], 1, 4, (8, 1, 2, 8, 1), (12, 2, 3, 16, 2)), 7, 2, 2),
-    "more antennas than the network": (shape_of(8, ALL, [2, 1], 2, 1, (8, 1, 2, 8, 2), (8, 1, 2, 8, 1), antennas=2), 4, 5, 4),
-    "two maps": (shape_of(24, [True, False, True], [2, 4], 3, 2, (16, 1, 4, 8, 1), (8, 1, 2, 8, 1)), 5, 2, 4),
-    "one map, one frame, one tag": (shape_of(8, [False, True, False], [2, 4], 1, 2, (8, 1, 2, 8, 1), (8, 1, 2, 8, 2)), 1, 1, 4),
-    "no fusion": (shape_of(16, ALL, [4, 8], 2, 2, (16, 1, 2, 32, 1), (8, 1, 2, 16, 2), "none"), 9, 4, 4),
-    "tags alone": (shape_of(16, ALL, [4, 8], 2, 2, (16, 1, 2, 32, 1), (8, 1, 2, 16, 2), "rfid"), 9, 4, 4),
-    "radar alone": (shape_of(16, ALL, [4, 8], 2, 2, (16, 1, 2, 32, 3), (8, 1, 2, 16, 2), "radar"), 9, 4, 4),
-}
-TIMED = {
-    "small": (shape_of(32, ALL, [4, 8], 2, 2, (64, 2, 2, 128, 1), (64, 2, 2, 128, 2)), 60, 6, 4),
-    "paper": (shape_of(256, ALL, [1, 1], 1, 8, (1024, 3, 2, 2048, 1), (128, 3, 2, 2048, 1)), 60, 6, 4),
-}
+# Self-test: random networks
 
 
 def write_folder(folder, weights, config, case):
@@ -877,14 +427,14 @@ def write_folder(folder, weights, config, case):
 
 def self_test(repeat):
     random = np.random.default_rng(1)
-    for name, (config, *sizes) in (ODD | TIMED).items():
+    for name, (config, *sizes) in (reference.ODD | reference.TIMED).items():
         with tempfile.TemporaryDirectory() as folder:
             folder = Path(folder)
-            weights, case = random_weights(config, random), random_case(config, random, *sizes)
-            case |= {part: values.astype(np.float32) for part, values in answer_of(weights, config, case).items()}
+            weights, case = reference.random_weights(config, random), reference.random_case(config, random, *sizes)
+            case |= {part: values.astype(np.float32) for part, values in reference.answer_of(weights, config, case).items()}
             write_folder(folder, weights, config, case)
             print(f"{name}: f32 differs by {Peer(folder).difference:.1e}", file=sys.stderr)
-            if name in TIMED:
+            if name in reference.TIMED:
                 compare(folder, repeat, None)
             else:
                 every_array_matters(folder, weights, config, case)
