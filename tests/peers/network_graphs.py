@@ -168,7 +168,7 @@ def encoder_graph(model, form):
     g, points, shape, used = Graph(model), model.config["points"], model.convolutions, len(model.maps)
     maps = g.input("maps", TensorProto.UINT8, [1, used, points, points])
     scalars = g.input("scalars", TensorProto.FLOAT, [1, SCALARS])
-    stride, pool = shape["stride"], shape["pool"]
+    strides, pool = shape["strides"], shape["pool"]
 
     def convolve(value, layer, maps, group, stride, scale):
         names = [f"radar.encoder.maps.{number}.{layer}" for number in maps]
@@ -180,9 +180,11 @@ def encoder_graph(model, form):
     def encode(codes, numbers):
         value = g("Cast", codes, to=TensorProto.FLOAT)
         # Codes are of 0 to 255, maps of 0 to 1; the first convolution's weights see to it.
-        value = convolve(value, "first", numbers, len(numbers), stride, 1 / 255)
-        value = convolve(value, "second", numbers, len(numbers), 1, 1)
-        return g("Flatten", g("MaxPool", value, kernel_shape=[pool] * 2, strides=[pool] * 2))
+        value = convolve(value, "first", numbers, len(numbers), strides[0], 1 / 255)
+        value = convolve(value, "second", numbers, len(numbers), strides[1], 1)
+        if pool > 1:
+            value = g("MaxPool", value, kernel_shape=[pool] * 2, strides=[pool] * 2)
+        return g("Flatten", value)
 
     # Arrays are numbered by the maps that are looked at, not by all maps.
     if form == "grouped" or used == 1:

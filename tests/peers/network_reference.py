@@ -38,8 +38,8 @@ def token_of(w, config, maps, scalars):
     pool = shape["pool"]
     for number, place in enumerate(np.flatnonzero(config["maps"])):
         name = f"radar.encoder.maps.{number}"
-        x = leaky_of(convolution_of(w, f"{name}.first", maps[place][None] / 255.0, shape["stride"]))
-        x = leaky_of(convolution_of(w, f"{name}.second", x, 1))
+        x = leaky_of(convolution_of(w, f"{name}.first", maps[place][None] / 255.0, shape["strides"][0]))
+        x = leaky_of(convolution_of(w, f"{name}.second", x, shape["strides"][1]))
         channels, side, _ = x.shape
         features.append(x.reshape(channels, side // pool, pool, side // pool, pool).max((2, 4)).ravel())
     joined = np.concatenate([*features, scalars])
@@ -129,7 +129,7 @@ def random_weights(config, random):
     if fusion != "rfid":
         shape = config["encoder"]["convolutions"]
         first, second = shape["channels"]
-        side = config["points"] // shape["stride"] // shape["pool"]
+        side = config["points"] // shape["strides"][0] // shape["strides"][1] // shape["pool"]
         for number in range(sum(config["maps"])):
             layer(f"radar.encoder.maps.{number}.first", (first, 1, 3, 3), 9)
             layer(f"radar.encoder.maps.{number}.second", (second, first, 3, 3), 9 * first)
@@ -168,12 +168,12 @@ def random_case(config, random, frames, count, antennas):
     }
 
 
-def shape_of(points, maps, channels, stride, pool, radar, tags, fusion="concat", antennas=4, dimensions=32):
+def shape_of(points, maps, channels, strides, pool, radar, tags, fusion="concat", antennas=4, dimensions=32):
     branches = {}
     for name, (width, layers, heads, feed_forward, stack) in (("radar", radar), ("tags", tags)):
         sizes = {"width": width, "layers": layers, "heads": heads, "feed_forward": feed_forward, "stack": stack}
         branches[name] = {**sizes, "temporal": "transformer"}
-    encoder = {"convolutions": {"channels": channels, "stride": stride, "pool": pool}}
+    encoder = {"convolutions": {"channels": channels, "strides": strides, "pool": pool}}
     given = {"points": points, "maps": maps, "antennas": antennas, "name_dimensions": dimensions, "encoder": encoder}
     return {**given, **branches, "fusion": fusion, "dropout": 0.1}
 
@@ -181,16 +181,16 @@ def shape_of(points, maps, channels, stride, pool, radar, tags, fusion="concat",
 ALL = [True] * MAPS
 # Configuration, frames, tags, antennas of the reader: all that can be odd, then the two shapes that are timed.
 ODD = {
-    "stacks past the end": (shape_of(16, ALL, [3, 5], 2, 2, (12, 2, 3, 20, 4), (8, 1, 1, 12, 3)), 10, 3, 4),
-    "fewer antennas than the network": (shape_of(8, ALL, [1, 2], 1, 4, (8, 1, 2, 8, 1), (12, 2, 3, 16, 2)), 7, 2, 2),
-    "more antennas than the network": (shape_of(8, ALL, [2, 1], 2, 1, (8, 1, 2, 8, 2), (8, 1, 2, 8, 1), antennas=2), 4, 5, 4),
-    "two maps": (shape_of(24, [True, False, True], [2, 4], 3, 2, (16, 1, 4, 8, 1), (8, 1, 2, 8, 1)), 5, 2, 4),
-    "one map, one frame, one tag": (shape_of(8, [False, True, False], [2, 4], 1, 2, (8, 1, 2, 8, 1), (8, 1, 2, 8, 2)), 1, 1, 4),
-    "no fusion": (shape_of(16, ALL, [4, 8], 2, 2, (16, 1, 2, 32, 1), (8, 1, 2, 16, 2), "none"), 9, 4, 4),
-    "tags alone": (shape_of(16, ALL, [4, 8], 2, 2, (16, 1, 2, 32, 1), (8, 1, 2, 16, 2), "rfid"), 9, 4, 4),
-    "radar alone": (shape_of(16, ALL, [4, 8], 2, 2, (16, 1, 2, 32, 3), (8, 1, 2, 16, 2), "radar"), 9, 4, 4),
+    "stacks past the end": (shape_of(16, ALL, [3, 5], [2, 1], 2, (12, 2, 3, 20, 4), (8, 1, 1, 12, 3)), 10, 3, 4),
+    "fewer antennas than the network": (shape_of(8, ALL, [1, 2], [1, 1], 4, (8, 1, 2, 8, 1), (12, 2, 3, 16, 2)), 7, 2, 2),
+    "more antennas than the network": (shape_of(8, ALL, [2, 1], [2, 1], 1, (8, 1, 2, 8, 2), (8, 1, 2, 8, 1), antennas=2), 4, 5, 4),
+    "two maps": (shape_of(24, [True, False, True], [2, 4], [3, 1], 2, (16, 1, 4, 8, 1), (8, 1, 2, 8, 1)), 5, 2, 4),
+    "one map, one frame, one tag": (shape_of(8, [False, True, False], [2, 4], [1, 1], 2, (8, 1, 2, 8, 1), (8, 1, 2, 8, 2)), 1, 1, 4),
+    "no fusion": (shape_of(16, ALL, [4, 8], [2, 1], 2, (16, 1, 2, 32, 1), (8, 1, 2, 16, 2), "none"), 9, 4, 4),
+    "tags alone": (shape_of(16, ALL, [4, 8], [2, 1], 2, (16, 1, 2, 32, 1), (8, 1, 2, 16, 2), "rfid"), 9, 4, 4),
+    "radar alone": (shape_of(16, ALL, [4, 8], [2, 1], 2, (16, 1, 2, 32, 3), (8, 1, 2, 16, 2), "radar"), 9, 4, 4),
 }
 TIMED = {
-    "small": (shape_of(32, ALL, [4, 8], 2, 2, (64, 2, 2, 128, 1), (64, 2, 2, 128, 2)), 60, 6, 4),
-    "paper": (shape_of(256, ALL, [1, 1], 1, 8, (1024, 3, 2, 2048, 1), (128, 3, 2, 2048, 1)), 60, 6, 4),
+    "small": (shape_of(32, ALL, [4, 8], [2, 2], 1, (64, 2, 2, 128, 1), (64, 2, 2, 128, 2)), 60, 6, 4),
+    "paper": (shape_of(256, ALL, [1, 1], [1, 1], 8, (1024, 3, 2, 2048, 1), (128, 3, 2, 2048, 1)), 60, 6, 4),
 }

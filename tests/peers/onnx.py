@@ -1,6 +1,6 @@
 """The network's inference by ONNX Runtime, in f32 and in the int8 ways it has: a peer that checks ours and is timed against it.
 
-    onnx.py FOLDER [--repeat N] [--ours COMMAND]
+    onnx.py FOLDER [--check | --repeat N] [--ours COMMAND]
     onnx.py --self-test [--repeat N]
 
 Packages: onnxruntime==1.32.0 onnx==1.23.2 onnx-ir==1.1.0 numpy==2.4.6.
@@ -462,6 +462,7 @@ def main():
     arguments.add_argument("folder", type=Path, nargs="?")
     arguments.add_argument("--repeat", type=int, default=3, metavar="N", help="rounds")
     arguments.add_argument("--ours", metavar="COMMAND", help="prints our times as one line of JSON")
+    arguments.add_argument("--check", action="store_true", help="only hold its f32 against ours")
     arguments.add_argument("--self-test", action="store_true", help="random networks against numpy, no folder")
     given = arguments.parse_args()
     if given.self_test == (given.folder is not None) or given.repeat < 1:
@@ -469,7 +470,12 @@ def main():
     logging.disable(logging.WARNING)
     onnxruntime.set_default_logger_severity(4)
     try:
-        self_test(given.repeat) if given.self_test else compare(given.folder, given.repeat, given.ours)
+        if given.self_test:
+            self_test(given.repeat)
+        elif given.check:
+            print(f"f32 differs by {Peer(given.folder).difference:.1e}", file=sys.stderr)
+        else:
+            compare(given.folder, given.repeat, given.ours)
     except Mismatch as mismatch:
         sys.exit(str(mismatch))
 

@@ -3,11 +3,8 @@
 use std::time::Instant;
 
 use rfhoi_int8::Kernels;
-use rfhoi_network::execute::Executor;
 use rfhoi_network::model::Model;
-use rfhoi_network::reference::Reference;
 use rfhoi_network::sample::Frames;
-use rfhoi_network::sample::Runner;
 use serde::{Deserialize, Serialize};
 
 use super::{Data, MeasureError};

@@ -31,7 +31,8 @@ pub fn draws(mut first: Draw, then: &[Option<Category>]) -> Option<Vec<Draw>> {
         }
     }
     let draw = |(sample, label): (u32, Option<Category>)| {
-        let mut draw = Draw { sample, ..first.clone() };
+        let mut draw = first.clone();
+        draw.sample = sample;
         draw.target = label.and_then(|label| first.objects.iter().position(|o| *o == label.object));
         (draw.label, draw.performed) = (label, label);
         draw
