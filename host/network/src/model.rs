@@ -41,7 +41,8 @@ impl Precision {
 /// What a model is and what it takes.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Description {
-    version: u32,
+    /// Of the layout.
+    pub version: u32,
     /// Of the weights.
     pub precision: Precision,
     /// Shape of the network.
