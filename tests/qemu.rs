@@ -30,8 +30,8 @@ use rfhoi_shared::wire::{
     DatagramCounts, FrameCounts, RadarState, ReaderState, Refusal, Request, RestartReason, Telemetry,
 };
 use rfhoi_tests::simulated::machine::{self, DEVICES, Machine};
-use rfhoi_tests::simulated::{path, person};
 use rfhoi_tests::simulated::radar::{Measurement, point};
+use rfhoi_tests::simulated::{path, person};
 
 /// Datagrams sent before the image is asked whether it has come so far. QEMU's network device keeps six, and QEMU may give
 /// it several before the processor gets to run, besides what the reader sends.

@@ -63,14 +63,10 @@ fn main() {
         }
         let int8 = quantize(&case.model, &[&case.sample], &case.names).expect("a network that int8 runs");
         let runs = (WORK / case.model.parameters()).clamp(9, 201);
-        let of = |kernels: Kernels| {
-            time(&mut Executor::new(&int8, kernels).expect("a model"), &case, runs)
-        };
+        let of = |kernels: Kernels| time(&mut Executor::new(&int8, kernels).expect("a model"), &case, runs);
         let best = [1, 2].map(|threads| of(Kernels::best().with_threads(threads)));
         if json {
-            let part = |(frame, answer): (f64, f64)| {
-                serde_json::json!({ "encoder": frame, "rest": answer - frame, "sum": answer })
-            };
+            let part = |(frame, answer): (f64, f64)| serde_json::json!({ "encoder": frame, "rest": answer - frame, "sum": answer });
             println!("{}", serde_json::json!({ "int8": { "1": part(best[0]), "2": part(best[1]) } }));
             continue;
         }

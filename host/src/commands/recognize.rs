@@ -132,7 +132,8 @@ impl Recognize {
 
     fn model(&self) -> anyhow::Result<(Model, String)> {
         if let Some(path) = &self.model {
-            let bytes = std::fs::read(path).with_context(|| format!("cannot read the model {}", path.display()))?;
+            let bytes =
+                std::fs::read(path).with_context(|| format!("cannot read the model {}", path.display()))?;
             let model = Model::from_bytes(&bytes).with_context(|| path.display().to_string())?;
             return Ok((model, path.display().to_string()));
         }

@@ -101,7 +101,10 @@ fn deed(text: &str) -> Result<Deed, String> {
     }
     let mut known = CATEGORIES.iter().chain(&UNSEEN);
     let found = known.find(|c| format!("{} {}", c.action, c.object) == text);
-    found.copied().map(Some).ok_or("give an action and an object, as \"open microwave\", or nothing".to_owned())
+    found
+        .copied()
+        .map(Some)
+        .ok_or("give an action and an object, as \"open microwave\", or nothing".to_owned())
 }
 
 #[derive(Debug, Args)]
@@ -452,7 +455,11 @@ fn performed(acted: &[Acted], session: &Session<'_>, epoch: BridgeTime) -> Vec<P
     let begins_s = session.begins_s().iter().map(|begin_s| begin_s + epoch.seconds());
     let of = |(acted, begin_s): (&Acted, f64)| {
         let Range { start, end } = acted.interaction_s().unwrap_or_default();
-        (acted.label.is_some()).then(|| Performed { label: label(acted), begin_s: begin_s + start, end_s: begin_s + end })
+        (acted.label.is_some()).then(|| Performed {
+            label: label(acted),
+            begin_s: begin_s + start,
+            end_s: begin_s + end,
+        })
     };
     acted.iter().zip(begins_s).filter_map(of).collect()
 }

@@ -59,7 +59,9 @@ pub enum RecognizeError {
         here: u32,
     },
     /// The model says something that is not understood.
-    #[error("the model's {0}: it was made by another version; train it anew, or take the one that is built in")]
+    #[error(
+        "the model's {0}: it was made by another version; train it anew, or take the one that is built in"
+    )]
     Description(String),
     /// The radar is not configured for the model.
     #[error(transparent)]

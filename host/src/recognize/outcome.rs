@@ -155,11 +155,15 @@ impl fmt::Display for Why {
 /// What to do where most maps are wrong for `reason`.
 fn advice(reason: &str) -> &'static str {
     match reason {
-        "rows_missing" | "missing" | "unaccounted" => "packets are lost between bridge and host; use a cable or a free channel",
+        "rows_missing" | "missing" | "unaccounted" => {
+            "packets are lost between bridge and host; use a cable or a free channel"
+        }
         "chirps_lost" => "datagrams are lost between recorder and bridge; check that cable",
         "clipped" => "the signal is too strong; move the radar away from what is near, or lower its gain",
         "velocity_aliased" => "it is too fast for the radar's profile",
-        "shape" | "other_profile" => "the bridge is configured for something else; configure it for the model's profile",
+        "shape" | "other_profile" => {
+            "the bridge is configured for something else; configure it for the model's profile"
+        }
         _ => "nothing rises over the noise; point the radar at the people",
     }
 }
@@ -174,7 +178,9 @@ impl Serialize for Why {
             share: Option<f32>,
         }
         let share = match self {
-            Self::ReaderSilent { share } | Self::RadarMissing { share } | Self::MapsInvalid { share, .. } => Some(*share),
+            Self::ReaderSilent { share } | Self::RadarMissing { share } | Self::MapsInvalid { share, .. } => {
+                Some(*share)
+            }
             _ => None,
         };
         Said { reason: self.reason(), why: self.to_string(), share }.serialize(serializer)

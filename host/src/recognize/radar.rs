@@ -46,7 +46,9 @@ impl fmt::Display for Mismatch {
                 "record with the profile `{name}` (`rfhoi bridge config` writes it), or give a model that was trained for this one \
                  with --model"
             ),
-            None => f.write_str("record with the profile of its training data, or give another model with --model"),
+            None => f.write_str(
+                "record with the profile of its training data, or give another model with --model",
+            ),
         }
     }
 }
@@ -91,9 +93,13 @@ impl Maps {
     /// If its radar is configured for something else.
     pub fn check(&self, frame: &RadarFrame) -> Result<(), Mismatch> {
         let mut differences = Vec::new();
-        if let Some(there) = frame.info.map(|info| info.profile).filter(|&there| there != self.profile_fingerprint) {
+        if let Some(there) =
+            frame.info.map(|info| info.profile).filter(|&there| there != self.profile_fingerprint)
+        {
             let known = NAMES.into_iter().find_map(|name| {
-                RadarProfile::named(name).filter(|profile| profile.fingerprint() == there).map(|profile| (name, profile))
+                RadarProfile::named(name)
+                    .filter(|profile| profile.fingerprint() == there)
+                    .map(|profile| (name, profile))
             });
             match known {
                 Some((name, profile)) => {
@@ -145,7 +151,12 @@ impl Maps {
         };
         near("a range bin is", "m", profile.range_bin().0.into(), self.range_bin_m);
         near("a velocity bin is", "m/s", profile.velocity_bin().0.into(), self.velocity_bin_m_s);
-        near("the frame period is", "ms", f64::from(profile.frame_period_us) / 1e3, f64::from(self.frame_period_us) / 1e3);
+        near(
+            "the frame period is",
+            "ms",
+            f64::from(profile.frame_period_us) / 1e3,
+            f64::from(self.frame_period_us) / 1e3,
+        );
         let mut same = |what: &str, here: usize, trained: usize| {
             if here != trained {
                 all.push(format!("{here} {what} instead of {trained}"));
@@ -154,7 +165,11 @@ impl Maps {
         same("Doppler bins", profile.loops.into(), self.doppler_bins.into());
         same("virtual antennas", profile.virtual_count(), self.virtual_antennas);
         if profile.range_bins() < self.first_range_bin + self.range_bins {
-            all.push(format!("{} range bins, of which {} are needed", profile.range_bins(), self.first_range_bin + self.range_bins));
+            all.push(format!(
+                "{} range bins, of which {} are needed",
+                profile.range_bins(),
+                self.first_range_bin + self.range_bins
+            ));
         }
         if all.is_empty() {
             all.push("its antennas, its mounting or the timing of its chirps".to_owned());

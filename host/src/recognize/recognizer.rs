@@ -308,7 +308,8 @@ impl Recognizer {
             }
         }
         let is_present = |last_s: &Option<f64>| last_s.is_some_and(|last_s| now_s - last_s < GONE_S);
-        let present = || self.last_read_s.iter().enumerate().filter(|(_, s)| is_present(s)).map(|(tag, _)| tag);
+        let present =
+            || self.last_read_s.iter().enumerate().filter(|(_, s)| is_present(s)).map(|(tag, _)| tag);
         let changed = !present().eq(self.present.iter().copied());
         if changed {
             self.present = present().collect();
@@ -322,7 +323,10 @@ impl Recognizer {
         let (Some([begin_s, _]), Some([_, end_s])) = (spans.first(), spans.last()) else { return Ok(()) };
         let outcome = if ended == Ended::Stream && moved < self.segmenter.shortest() {
             let frame_s = f64::from(self.radar.profile.frame_period_us) * 1e-6;
-            Outcome::CannotTell { why: Why::TooShort { moved_s: (moved as f64 * frame_s) as f32 }, guess: None }
+            Outcome::CannotTell {
+                why: Why::TooShort { moved_s: (moved as f64 * frame_s) as f32 },
+                guess: None,
+            }
         } else {
             self.outcome(frames)?
         };
@@ -337,7 +341,9 @@ impl Recognizer {
         let answer = self.runner.answer(frames.start - self.base..frames.end - self.base, &self.vectors)?;
         if answer.actions.len() != self.description.actions.len() + 1 {
             let (says, lists) = (answer.actions.len(), self.description.actions.len());
-            return Err(RecognizeError::Description(format!("network tells {says} actions, it lists {lists} and none")));
+            return Err(RecognizeError::Description(format!(
+                "network tells {says} actions, it lists {lists} and none"
+            )));
         }
         let Some((action, target, p)) = tuple_probability(&answer) else {
             let p = answer.actions.last().copied().unwrap_or(0.0);
@@ -391,7 +397,8 @@ fn activity(aligned: &AlignedFrame, antennas: usize) -> u32 {
         return cells;
     }
     let tags = aligned.phases().tags();
-    let turns = (0..tags).flat_map(|tag| (0..antennas).map(move |antenna| aligned.sighting(tag, antenna).turn));
+    let turns =
+        (0..tags).flat_map(|tag| (0..antennas).map(move |antenna| aligned.sighting(tag, antenna).turn));
     // One alone may be half a turn off.
     match turns.flatten().filter(|turn| turn.abs() > TURN).count() {
         0 => 0,

@@ -129,7 +129,8 @@ impl Segmenter {
         }
         // The quietest frame of the second half; the first of equals.
         let half = self.longest / 2;
-        let quietest = self.levels.iter().enumerate().skip(half).min_by_key(|(place, level)| (**level, *place));
+        let quietest =
+            self.levels.iter().enumerate().skip(half).min_by_key(|(place, level)| (**level, *place));
         let cut = begin + quietest.map_or(half, |(place, _)| place);
         let segment = Segment { frames: self.padded(begin)..cut, moved: cut - begin, ended: Ended::Cut };
         self.levels.drain(..cut - begin);
@@ -223,7 +224,9 @@ mod tests {
     fn segments_of_a_set() {
         let folder = std::path::PathBuf::from(std::env::var_os("RFHOI_SET").expect("RFHOI_SET names a set"));
         let (mut overlaps, mut torn, mut missed, mut idle, mut idle_found) = (Vec::new(), 0, 0, 0, 0);
-        for shard in (0..).map(|n| folder.join(crate::simulate::set::shard_name(n))).take_while(|path| path.exists()) {
+        for shard in
+            (0..).map(|n| folder.join(crate::simulate::set::shard_name(n))).take_while(|path| path.exists())
+        {
             let mut npz = ndarray_npy::NpzReader::new(std::fs::File::open(shard).unwrap()).unwrap();
             let first: ndarray::Array1<u32> = npz.by_name("frame_first").unwrap();
             let cells: ndarray::Array1<u32> = npz.by_name("moving_cells").unwrap();

@@ -84,7 +84,9 @@ impl TagNames {
         }
         match names.len() {
             0 => Err("it lists no tag: give lines of EPC = \"name\" (TOML) or EPC,name (CSV)".to_owned()),
-            tags if tags > MAX_TAGS => Err(format!("it lists {tags} tags, {MAX_TAGS} at most are followed at once")),
+            tags if tags > MAX_TAGS => {
+                Err(format!("it lists {tags} tags, {MAX_TAGS} at most are followed at once"))
+            }
             _ => Ok(names),
         }
     }
@@ -134,14 +136,23 @@ fn not_a_name(key: &str) -> String {
 }
 
 fn of_csv(text: &str) -> Result<Vec<(String, String)>, String> {
-    let mut reader = csv::ReaderBuilder::new().has_headers(false).trim(csv::Trim::All).flexible(true).from_reader(text.as_bytes());
+    let mut reader = csv::ReaderBuilder::new()
+        .has_headers(false)
+        .trim(csv::Trim::All)
+        .flexible(true)
+        .from_reader(text.as_bytes());
     let mut pairs = Vec::new();
     for (number, row) in reader.records().enumerate() {
         let row = row.map_err(|error| error.to_string())?;
         match (row.get(0), row.get(1), row.len()) {
             (Some(epc), Some(_), _) if number == 0 && epc.eq_ignore_ascii_case("epc") => {}
             (Some(epc), Some(name), 2) => pairs.push((epc.to_owned(), name.to_owned())),
-            _ => return Err(format!("line {}: give an EPC and a name, as e28069950000501800000005,microwave", number + 1)),
+            _ => {
+                return Err(format!(
+                    "line {}: give an EPC and a name, as e28069950000501800000005,microwave",
+                    number + 1
+                ));
+            }
         }
     }
     Ok(pairs)

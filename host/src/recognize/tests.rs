@@ -117,7 +117,8 @@ impl Room {
             codes: [200, 40],
             covariance: 1e-6,
         };
-        let table = HopTable { table: 1, channels: [rfhoi_shared::units::Kilohertz(920_000)].into_iter().collect() };
+        let table =
+            HopTable { table: 1, channels: [rfhoi_shared::units::Kilohertz(920_000)].into_iter().collect() };
         room.send(BridgeTime(0), Message::HopTable(table));
         room
     }
@@ -174,16 +175,28 @@ impl Room {
             for bin in 0..GATE.bins {
                 let code = |column: u16| {
                     let near = bin.abs_diff(30) <= 2 && column.abs_diff(columns * 3 / 4) <= 2;
-                    if near { peak } else { floor.saturating_add(((bin * 7 + column * 3) % 5) as u8).min(peak.max(floor)) }
+                    if near {
+                        peak
+                    } else {
+                        floor.saturating_add(((bin * 7 + column * 3) % 5) as u8).min(peak.max(floor))
+                    }
                 };
                 packer.row((0..columns).map(code), &mut emit);
             }
             packer.flush(&mut emit);
         }
-        let diagonal = |i: usize| if [0, 23, 44, 63, 80, 95, 108, 119, 128, 135, 140, 143].contains(&i) { 1.0 } else { 0.01 };
+        let diagonal = |i: usize| {
+            if [0, 23, 44, 63, 80, 95, 108, 119, 128, 135, 140, 143].contains(&i) { 1.0 } else { 0.01 }
+        };
         let packed = (0..144).map(|i| self.covariance * diagonal(i)).collect();
         self.send(begin, Message::Covariance(Covariance { frame, antennas: 12, packed }));
-        let info = FrameInfo { frame, profile: self.profile, chirps: 192, moving_cells: cells, ..FrameInfo::default() };
+        let info = FrameInfo {
+            frame,
+            profile: self.profile,
+            chirps: 192,
+            moving_cells: cells,
+            ..FrameInfo::default()
+        };
         self.send(begin, Message::Frame(info));
     }
 }
@@ -228,7 +241,9 @@ fn a_tuple_is_told_with_its_times() {
     let room = Room::new().frames(20, 0, 0).frames(30, 20, 300).frames(20, 0, 0);
     let (mut recognizer, asked) = sure(0.9);
     let told = run(&mut recognizer, &room.packets);
-    let [Recognition { begin_s, end_s, outcome: Outcome::Tuple(guess) }] = &told[..] else { panic!("{told:?}") };
+    let [Recognition { begin_s, end_s, outcome: Outcome::Tuple(guess) }] = &told[..] else {
+        panic!("{told:?}")
+    };
     // The first packet was a second before the first frame.
     assert!((begin_s - 2.7).abs() < 0.06 && (end_s - 6.3).abs() < 0.06, "{begin_s} to {end_s}");
     assert_eq!(guess.to_string(), "<open, bottle>");
@@ -237,7 +252,10 @@ fn a_tuple_is_told_with_its_times() {
     // 70 frames and what came before; the tags were all there with the first.
     assert_eq!((asked.answers.len(), asked.tags), (1, 4));
     assert!((70..90).contains(&asked.frames) && asked.clears <= 2, "{asked:?}");
-    assert_eq!(recognizer.tags().map(|(_, name)| name.unwrap()).collect::<Vec<_>>(), ["phone", "book", "pen", "bottle"]);
+    assert_eq!(
+        recognizer.tags().map(|(_, name)| name.unwrap()).collect::<Vec<_>>(),
+        ["phone", "book", "pen", "bottle"]
+    );
     // Less sure.
     let (mut recognizer, _) = sure(0.4);
     let told = run(&mut recognizer, &room.packets);
@@ -280,7 +298,10 @@ fn maps_that_cannot_be_trusted_tell_nothing() {
         let room = Room { codes, ..Room::new() }.frames(20, 0, 0).frames(30, 20, 300).frames(20, 0, 0);
         let why = reason(&room);
         assert_eq!(why, Why::MapsInvalid { reason: "empty", share: 1.0 });
-        assert!(why.to_string().ends_with("nothing rises over the noise; point the radar at the people"), "{why}");
+        assert!(
+            why.to_string().ends_with("nothing rises over the noise; point the radar at the people"),
+            "{why}"
+        );
     }
 }
 
@@ -327,7 +348,8 @@ fn one_packet_of_five_is_lost() {
 #[test]
 fn time_goes_on_where_a_bridge_restarts() {
     let before = Room::new().frames(20, 0, 0).frames(10, 20, 300);
-    let after = Room { uplink: Uplink::new(2), ..Room::new() }.frames(20, 0, 0).frames(30, 20, 300).frames(20, 0, 0);
+    let after =
+        Room { uplink: Uplink::new(2), ..Room::new() }.frames(20, 0, 0).frames(30, 20, 300).frames(20, 0, 0);
     let (mut recognizer, _) = sure(0.9);
     let told = run(&mut recognizer, before.packets.iter().chain(&after.packets));
     let [first, second] = &told[..] else { panic!("{told:?}") };
@@ -354,9 +376,13 @@ fn tags_on_a_list_count_and_no_others() {
     let settings = Settings { tags: TagNames::read(&path).unwrap(), ..settings() };
     let asked = Rc::new(RefCell::new(Asked::default()));
     let runner = Sure { asked: Rc::clone(&asked), kept: 0, tags: None, p: 0.9 };
-    let mut recognizer = Recognizer::with_runner(Box::new(runner), &description(), &names(), settings).unwrap();
+    let mut recognizer =
+        Recognizer::with_runner(Box::new(runner), &description(), &names(), settings).unwrap();
     let remarks = recognizer.remarks().join("; ");
-    assert!(remarks.contains("'my red mug' is taken as 'mug'") && remarks.contains("'zzyzx' is not known"), "{remarks}");
+    assert!(
+        remarks.contains("'my red mug' is taken as 'mug'") && remarks.contains("'zzyzx' is not known"),
+        "{remarks}"
+    );
     let room = Room::new().frames(20, 0, 0).frames(30, 20, 300).frames(20, 0, 0);
     let told = run(&mut recognizer, &room.packets);
     let Outcome::Tuple(guess) = &told[0].outcome else { panic!("{told:?}") };
@@ -386,7 +412,8 @@ fn another_radar_is_refused() {
         let (mut recognizer, _) = sure(0.9);
         room.packets.iter().find_map(|packet| recognizer.push(packet).err()).unwrap()
     };
-    let sentence = refused(push(&Room { profile: RadarProfile::fine().fingerprint(), ..Room::new() }.frames(1, 0, 0)));
+    let sentence =
+        refused(push(&Room { profile: RadarProfile::fine().fingerprint(), ..Room::new() }.frames(1, 0, 0)));
     assert!(sentence.contains("the bridge runs `fine`, "), "{sentence}");
     let sentence = refused(push(&Room { profile: 7, ..Room::new() }.frames(1, 0, 0)));
     assert!(sentence.contains("fingerprint 00000007"), "{sentence}");

@@ -57,9 +57,9 @@ impl Kept {
     /// Whether a tag was read.
     pub(super) fn is_read(&self, tag: usize, antennas: usize) -> bool {
         let of_tag = antennas * READ_CHANNELS;
-        self.reads.get(tag * of_tag..(tag + 1) * of_tag).is_some_and(|own| {
-            own.chunks_exact(READ_CHANNELS).any(|channels| channels[read::READS] > 0.0)
-        })
+        self.reads
+            .get(tag * of_tag..(tag + 1) * of_tag)
+            .is_some_and(|own| own.chunks_exact(READ_CHANNELS).any(|channels| channels[read::READS] > 0.0))
     }
 }
 

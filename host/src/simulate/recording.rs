@@ -156,7 +156,8 @@ pub fn record_bridge(
     let mut writer = Writer::create(path)?;
     let folder = tempfile::tempdir().map_err(RecordError::Folder)?;
     let devices = folder.path().join("devices.pcap");
-    let summary = record(&devices, session, radar_rng, reader_rng, &mut |share| progress(SIMULATING * share))?;
+    let summary =
+        record(&devices, session, radar_rng, reader_rng, &mut |share| progress(SIMULATING * share))?;
     let [from, to] = [BRIDGE_IP, HOST_IP].map(|ip| SocketAddrV4::new(ip, BRIDGE_PORT));
     let mut written = Ok(());
     packets(

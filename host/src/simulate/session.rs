@@ -152,7 +152,10 @@ mod tests {
         let then = [None, Some(CATEGORIES[9])];
         let draws = draws(first.clone(), &then).unwrap();
         assert!(draws.iter().all(|d| d.objects == draws[0].objects && d.place() == first.place()));
-        assert_eq!(draws.iter().map(|d| d.label).collect::<Vec<_>>(), [Some(CATEGORIES[1]), None, Some(CATEGORIES[9])]);
+        assert_eq!(
+            draws.iter().map(|d| d.label).collect::<Vec<_>>(),
+            [Some(CATEGORIES[1]), None, Some(CATEGORIES[9])]
+        );
         let acted: Vec<_> = draws.iter().map(|d| perform(Domain::Site, 5, d, &scenes[0]).unwrap()).collect();
         let take = |(generated, tags)| Take::of(&scenes[0], generated, tags, Effects::of(Domain::Site));
         let mut takes = acted.iter().map(|(generated, tags)| take((generated, tags)));
