@@ -2,21 +2,16 @@
 
 mod common;
 
-use burn::tensor::Device;
-use common::{config, describe, farthest, names, run, sample, vectors};
+use common::{config, farthest, names, run, sample, vectors};
 use rfhoi_int8::{Kernels, Level};
 use rfhoi_network::config::{Fusion, Temporal};
 use rfhoi_network::execute::{ExecuteError, Executor, quantize};
 use rfhoi_network::model::{Model, ModelError, Precision};
-use rfhoi_network::network::Network;
 use rfhoi_network::reference::Reference;
 use rfhoi_network::sample::{Frame, InputError, MAX_FRAMES, Runner, Sample};
 
 fn model(fusion: Fusion) -> Model {
-    let device = Device::ndarray();
-    device.seed(5);
-    let config = config(fusion);
-    Model::of(&Network::new(&config, &device).unwrap(), describe(config))
+    Model::untrained(config(fusion), 5).unwrap()
 }
 
 fn samples() -> Vec<Sample> {
@@ -31,10 +26,9 @@ fn in_f32_it_is_the_network() {
         for stack in [1, 2] {
             let mut model = model(fusion);
             if stack == 2 && fusion.has_radar() {
-                let device = Device::ndarray();
                 let mut config = model.description.config.clone();
                 config.radar.stack = 2;
-                model = Model::of(&Network::new(&config, &device).unwrap(), describe(config));
+                model = Model::untrained(config, 5).unwrap();
             }
             let mut burn = Reference::new(&model).unwrap();
             let mut ours = Executor::new(&model, Kernels::best()).unwrap();
@@ -128,8 +122,7 @@ fn only_burn_runs_the_rest() {
     assert!(matches!(refused(&model(Fusion::Film)), Some(ExecuteError::Unsupported(_))));
     let mut config = config(Fusion::Concat);
     config.radar.temporal = Temporal::Convolution;
-    let device = Device::ndarray();
-    let model = Model::of(&Network::new(&config, &device).unwrap(), describe(config));
+    let model = Model::untrained(config, 5).unwrap();
     assert!(matches!(refused(&model), Some(ExecuteError::Unsupported(_))));
 }
 
@@ -142,7 +135,7 @@ fn damaged_files_are_refused() {
     assert!(Model::from_bytes(b"no model").is_err());
     let mut fewer = model.clone();
     fewer.arrays.pop_first();
-    assert!(matches!(fewer.network(&Device::ndarray()), Err(ModelError::Weights(_))));
+    assert!(matches!(Reference::new(&fewer).err(), Some(ModelError::Weights(_))));
     assert!(matches!(Executor::new(&fewer, Kernels::best()), Err(ExecuteError::Model(_))));
     let mut wrong = model.clone();
     wrong.description.config.radar.width = 17;

@@ -1,6 +1,6 @@
 //! Samples that can be told apart and mean nothing else: the target's reads swing, the maps of each action are bright at
 //! places of their own.
-#![allow(dead_code, reason = "each test uses a part")]
+#![allow(dead_code, unreachable_pub, reason = "each test uses a part")]
 
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
