@@ -3,6 +3,8 @@
 
 mod common;
 
+use std::sync::{Mutex, MutexGuard, PoisonError};
+
 use common::{config, describe, farthest, names, run, sample};
 use rfhoi_network::config::{Encoder, Fusion, Temporal};
 use rfhoi_network::metrics::Metrics;
@@ -12,6 +14,13 @@ use rfhoi_network::sample::Sample;
 use rfhoi_network::train::{
     Augment, Epoch, Folder, Material, Recipe, TrainError, Watch, answers, device, train,
 };
+
+/// Burn's generator of random numbers is one for all threads: tests that train take turns.
+static TURN: Mutex<()> = Mutex::new(());
+
+fn turn() -> MutexGuard<'static, ()> {
+    TURN.lock().unwrap_or_else(PoisonError::into_inner)
+}
 
 /// Stops after so many batches; never if there are none.
 struct After(Option<usize>);
@@ -67,15 +76,17 @@ fn hoi(model: &Model) -> f64 {
 
 #[test]
 fn it_learns_what_is_there_and_each_radio_what_it_sees() {
-    let fused = hoi(&trained(config(Fusion::Concat), 12));
+    let _turn = turn();
+    let fused = hoi(&trained(config(Fusion::Concat), 60));
     assert!(fused > 0.95, "{fused}");
     // Which tag is meant only the reader knows: one of three is a guess.
-    let radar = hoi(&trained(config(Fusion::Radar), 4));
+    let radar = hoi(&trained(config(Fusion::Radar), 20));
     assert!(radar < 0.6, "{radar}");
 }
 
 #[test]
 fn every_shape_of_network_learns() {
+    let _turn = turn();
     let mut shapes = vec![config(Fusion::Film), config(Fusion::Attention), config(Fusion::None)];
     let mut convolution = config(Fusion::Concat);
     convolution.radar.temporal = Temporal::Convolution;
@@ -83,13 +94,14 @@ fn every_shape_of_network_learns() {
     shapes.push(convolution);
     for shape in shapes {
         let named = format!("{:?} {:?}", shape.fusion, shape.radar.temporal);
-        let reached = hoi(&trained(shape, 12));
+        let reached = hoi(&trained(shape, 60));
         assert!(reached > 0.9, "{named}: {reached}");
     }
 }
 
 #[test]
 fn beams_are_learnt_from_the_covariance() {
+    let _turn = turn();
     // The power from one of two directions says which action it is; maps say nothing.
     let with_covariance = |mut sample: Sample| {
         sample.frames.maps.fill(30);
@@ -106,7 +118,7 @@ fn beams_are_learnt_from_the_covariance() {
     let references: Vec<&Sample> = learn.iter().collect();
     let description = describe(shape);
     let made =
-        train(&description, None, &recipe(8), material(&references, &[], &names), None, &mut After(None));
+        train(&description, None, &recipe(60), material(&references, &[], &names), None, &mut After(None));
     let model = made.unwrap().model;
     let references: Vec<&Sample> = test.iter().collect();
     let network = model.network(&device()).unwrap();
@@ -117,6 +129,7 @@ fn beams_are_learnt_from_the_covariance() {
 
 #[test]
 fn padding_changes_nothing() {
+    let _turn = turn();
     let model = trained(config(Fusion::Concat), 2);
     let mixed = [sample(1, 4, 1), sample(2, 19, 5), sample(3, 7, 3)];
     let references: Vec<&Sample> = mixed.iter().collect();
@@ -132,6 +145,7 @@ fn padding_changes_nothing() {
 
 #[test]
 fn a_killed_run_goes_on_as_if_it_had_not_been() {
+    let _turn = turn();
     let folders = [tempfile::tempdir().unwrap(), tempfile::tempdir().unwrap()];
     let [whole, parts] = folders.each_ref().map(|folder| Folder(folder.path().join("run")));
     let (learn, validation, names) = (samples(0..48), samples(500..516), names());

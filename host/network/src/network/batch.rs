@@ -126,13 +126,13 @@ impl Batch {
         let mut names = vec![0.0; samples.len() * tags * config.name_dimensions];
         let mut tag_valid = vec![0.0; samples.len() * tags];
         for (place, (sample, vectors)) in samples.iter().enumerate() {
-            for tag in 0..sample.tags {
+            for (tag, vector) in vectors.iter().enumerate().take(sample.tags) {
                 let row = place * tags + tag;
                 tag_valid[row] = 1.0;
                 let valid = &mut read_valid[row * groups..(row + 1) * groups];
                 valid[..sample.len().div_ceil(config.tags.stack)].fill(1.0);
                 names[row * config.name_dimensions..(row + 1) * config.name_dimensions]
-                    .copy_from_slice(vectors[tag]);
+                    .copy_from_slice(vector);
                 let row = &mut reads[row * groups * features..(row + 1) * groups * features];
                 for (token, out) in row.chunks_exact_mut(features).enumerate() {
                     token_of_tag(config, sample, 0..sample.len(), tag, token, out);

@@ -60,6 +60,7 @@ pub(super) struct Head {
 
 /// What happens between the branches before the heads.
 #[derive(Module, Debug)]
+#[allow(clippy::large_enum_variant, reason = "one of each network")]
 pub(super) enum Meet {
     Plain(Plain),
     Film(Film),
