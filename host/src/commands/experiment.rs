@@ -159,8 +159,8 @@ impl Modality {
             rows.push(Row::of(network, reached.collect::<anyhow::Result<_>>()?));
         }
         let table = table(&rows);
-        atomic::write(&self.out.join("modality.json"), &serde_json::to_vec_pretty(&rows)?)?;
-        atomic::write(&self.out.join("modality.txt"), table.as_bytes())?;
+        atomic::write(self.out.join("modality.json"), &serde_json::to_vec_pretty(&rows)?)?;
+        atomic::write(self.out.join("modality.txt"), table.as_bytes())?;
         if json {
             println!("{}", serde_json::to_string(&rows)?);
         } else {
@@ -189,7 +189,7 @@ impl Modality {
         let quantised = rfhoi_network::execute::quantize(&model, &data.samples(calibration), &data.names);
         let (int8, int8_bytes, int8_timing) = match &quantised {
             Ok(int8) => {
-                atomic::write(&folder.join("int8.safetensors"), &int8.to_bytes()?)?;
+                atomic::write(folder.join("int8.safetensors"), &int8.to_bytes()?)?;
                 (Some(measure(int8)?), Some(int8.to_bytes()?.len()), Some(learn::time(int8, &data, 1)?))
             }
             Err(rfhoi_network::execute::ExecuteError::Unsupported(_)) => (None, None, None),
