@@ -65,8 +65,10 @@ fn the_shipped_recording_is_made_by_the_command_that_is_written_in_the_readme() 
     let folder = tempfile::tempdir().unwrap();
     let again = folder.path().join("pick_up_book.pcap.gz");
     let readme = include_str!("../../README.md");
-    let line =
-        readme.lines().find(|l| l.contains("simulate --recording")).expect("the README has the command");
+    let line = readme
+        .lines()
+        .find(|l| l.contains("simulate --recording tests/recordings/pick_up_book"))
+        .expect("the README has the command");
     let arguments: Vec<&str> = line.split_whitespace().skip_while(|a| *a != "simulate").collect();
     let arguments: Vec<&str> = arguments
         .iter()

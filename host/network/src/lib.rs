@@ -9,7 +9,7 @@
 //! * [`sample`]: what goes in and comes out, by shape and unit.
 //! * [`config`]: the shape of a network.
 //! * [`names`]: vectors of the names of things, and how a name is found.
-//! * [`network`]: the network as Burn modules, [`model`]: as a file, [`reference`]: a frame at a time.
+//! * [`network`]: the network as Burn modules, [`model`]: as a file, [`mod@reference`]: a frame at a time.
 //! * [`execute`]: the network without Burn, in int8.
 //! * [`metrics`]: how good answers are.
 //! * `train`, with the feature of that name: training.

@@ -263,7 +263,7 @@ mod tests {
     fn nothing_is_kept_for_long() {
         let mut segmenter = Segmenter::new(0.1);
         for frame in 0..100_000_u32 {
-            if let Some(segment) = segmenter.push((frame * 2_654_435_761) >> 27) {
+            if let Some(segment) = segmenter.push(frame.wrapping_mul(2_654_435_761) >> 27) {
                 assert!(segmenter.next - segment.frames.start <= segmenter.reach());
             }
             assert!(segmenter.levels.len() <= segmenter.longest + segmenter.quiet);

@@ -278,8 +278,9 @@ fn without_tags_it_cannot_tell() {
     assert_eq!(reason(&room), Why::NoTags);
     let room = Room { tags: 0..0, ..Room::new().frames(20, 0, 0) }.frames(30, 20, 0);
     assert!(matches!(reason(&room), Why::ReaderSilent { share } if share > 0.7));
-    // The last tag, of which the network is sure, leaves.
-    let room = Room { tags: 1..4, ..Room::new().frames(20, 0, 0) }.frames(30, 20, 0).frames(20, 0, 0);
+    // The last tag, of which the network is sure, has left a second before.
+    let room = Room { tags: 1..4, ..Room::new().frames(20, 0, 0) };
+    let room = room.frames(10, 0, 0).frames(30, 20, 0).frames(20, 0, 0);
     assert_eq!(reason(&room), Why::TargetUnread);
 }
 
