@@ -3,7 +3,7 @@
     onnx.py FOLDER [--repeat N] [--ours COMMAND]
     onnx.py --self-test [--repeat N]
 
-Packages: onnxruntime==1.32.0 onnx==1.23.2 onnx-ir==1.1.0 numpy==2.4.6.
+Packages: onnxruntime==1.32.0 onnx==1.23.2 onnx-ir==1.1.0 sympy==1.14.0 numpy==2.4.6.
 
 FOLDER holds
   model.safetensors  an f32 model of ours
