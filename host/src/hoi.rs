@@ -139,6 +139,19 @@ impl Action {
     pub const fn is_object_agnostic(self) -> bool {
         matches!(self, Self::PickUp | Self::PutDown)
     }
+
+    /// What it is when it is played backwards.
+    pub const fn reversed(self) -> Self {
+        match self {
+            Self::PickUp => Self::PutDown,
+            Self::PutDown => Self::PickUp,
+            Self::Open => Self::Close,
+            Self::Close => Self::Open,
+            Self::Wipe => Self::Wipe,
+            Self::SitDown => Self::StandUp,
+            Self::StandUp => Self::SitDown,
+        }
+    }
 }
 
 impl Object {

@@ -61,12 +61,12 @@ class Model:
             raise Mismatch("the model is not an f32 one")
         self.config = config = description["config"]
         self.radar, self.tags, self.fusion = config["radar"], config["tags"], config["fusion"]
-        if self.fusion not in ("concat", "none", "rfid", "radar") or "convolutions" not in config["encoder"]:
-            raise Mismatch("only networks of convolutions, with no other fusion than by concatenation, become graphs")
+        if self.fusion not in ("concat", "none", "rfid", "radar") or config.get("beams"):
+            raise Mismatch("only networks without learnt beams, with no other fusion than by concatenation, become graphs")
         if any(branch["temporal"] != "transformer" for branch in (self.radar, self.tags)):
             raise Mismatch("only transformers become graphs")
         self.has_radar, self.has_tags = self.fusion != "rfid", self.fusion != "radar"
-        self.convolutions = config["encoder"]["convolutions"]
+        self.encoder = config["encoder"]
         self.maps = [number for number in range(MAPS) if config["maps"][number]]
         if not self.maps:
             raise Mismatch("a network that looks at no map does not become a graph")
@@ -165,26 +165,42 @@ class Graph:
 
 def encoder_graph(model, form):
     """One frame's maps and scalars to its token, with the maps' convolutions `apart` or `grouped` in one."""
-    g, points, shape, used = Graph(model), model.config["points"], model.convolutions, len(model.maps)
+    g, points, used = Graph(model), model.config["points"], len(model.maps)
     maps = g.input("maps", TensorProto.UINT8, [1, used, points, points])
     scalars = g.input("scalars", TensorProto.FLOAT, [1, SCALARS])
-    strides, pool = shape["strides"], shape["pool"]
+    convolutions, patches = model.encoder.get("convolutions"), model.encoder.get("patches")
 
-    def convolve(value, layer, maps, group, stride, scale):
+    def convolve(value, layer, maps, scale, stride, pad, arrange=lambda weight: weight):
         names = [f"radar.encoder.maps.{number}.{layer}" for number in maps]
-        weight = np.concatenate([model[f"{name}.weight"] for name in names]) * np.float32(scale)
+        weight = np.concatenate([arrange(model[f"{name}.weight"]) for name in names]) * np.float32(scale)
         bias = np.concatenate([model[f"{name}.bias"] for name in names])
-        attributes = {"group": group, "strides": [stride] * 2, "pads": [1] * 4, "kernel_shape": [3, 3]}
-        return g.leaky(g("Conv", value, g.constant(weight), g.constant(bias), **attributes))
+        shape = {"strides": [stride] * 2, "pads": [pad] * 4, "kernel_shape": weight.shape[2:]}
+        return g.leaky(g("Conv", value, g.constant(weight), g.constant(bias), group=len(maps), **shape))
 
     def encode(codes, numbers):
         value = g("Cast", codes, to=TensorProto.FLOAT)
-        # Codes are of 0 to 255, maps of 0 to 1; the first convolution's weights see to it.
-        value = convolve(value, "first", numbers, len(numbers), strides[0], 1 / 255)
-        value = convolve(value, "second", numbers, len(numbers), strides[1], 1)
+        # Codes are of 0 to 255, maps of 0 to 1; the first layer's weights see to it.
+        if patches:
+            size = patches["size"]
+            squares = lambda weight: weight.T.reshape(-1, 1, size, size)
+            return g("Flatten", convolve(value, "Patches.dense", numbers, 1 / 255, size, 0, squares))
+        strides, pool = convolutions["strides"], convolutions["pool"]
+        value = convolve(value, "Convolutions.first", numbers, 1 / 255, strides[0], 1)
+        value = convolve(value, "Convolutions.second", numbers, 1, strides[1], 1)
         if pool > 1:
             value = g("MaxPool", value, kernel_shape=[pool] * 2, strides=[pool] * 2)
         return g("Flatten", value)
+
+    def first_dense(value):
+        name = "radar.encoder.first"
+        weight = model[f"{name}.weight"]
+        if patches:
+            # Ours has the channels of a square side by side, a convolution its squares of a channel.
+            places, channels = (points // patches["size"]) ** 2, patches["channels"]
+            taken = used * places * channels
+            maps = weight[:taken].reshape(used, places, channels, -1).transpose(0, 2, 1, 3)
+            weight = np.concatenate([maps.reshape(taken, -1), weight[taken:]])
+        return g.affine(value, weight, model[f"{name}.bias"])
 
     # Arrays are numbered by the maps that are looked at, not by all maps.
     if form == "grouped" or used == 1:
@@ -193,7 +209,7 @@ def encoder_graph(model, form):
         each = g("Split", maps, outputs=used, axis=1)
         features = [encode(codes, [number]) for number, codes in enumerate(each)]
     joined = g("Concat", *features, scalars, axis=1)
-    token = g.dense(g.leaky(g.dense(joined, "radar.encoder.first")), "radar.encoder.second")
+    token = g.dense(g.leaky(first_dense(joined)), "radar.encoder.second")
     g.output("token", token, [1, model.radar["width"]])
     return g.finish("encoder")
 

@@ -34,12 +34,20 @@ def convolution_of(w, name, x, stride):
 
 
 def token_of(w, config, maps, scalars):
-    shape, features = config["encoder"]["convolutions"], []
-    pool = shape["pool"]
+    features = []
     for number, place in enumerate(np.flatnonzero(config["maps"])):
-        name = f"radar.encoder.maps.{number}"
-        x = leaky_of(convolution_of(w, f"{name}.first", maps[place][None] / 255.0, shape["strides"][0]))
-        x = leaky_of(convolution_of(w, f"{name}.second", x, shape["strides"][1]))
+        name, x = f"radar.encoder.maps.{number}", maps[place] / 255.0
+        if patches := config["encoder"].get("patches"):
+            size = patches["size"]
+            for row in range(0, len(x), size):
+                for column in range(0, len(x), size):
+                    square = x[row : row + size, column : column + size].ravel()
+                    features.append(leaky_of(dense_of(w, f"{name}.Patches.dense", square)))
+            continue
+        shape = config["encoder"]["convolutions"]
+        pool = shape["pool"]
+        x = leaky_of(convolution_of(w, f"{name}.Convolutions.first", x[None], shape["strides"][0]))
+        x = leaky_of(convolution_of(w, f"{name}.Convolutions.second", x, shape["strides"][1]))
         channels, side, _ = x.shape
         features.append(x.reshape(channels, side // pool, pool, side // pool, pool).max((2, 4)).ravel())
     joined = np.concatenate([*features, scalars])
@@ -127,13 +135,18 @@ def random_weights(config, random):
         norm(f"{name}.temporal.Transformer.norm", width)
 
     if fusion != "rfid":
-        shape = config["encoder"]["convolutions"]
-        first, second = shape["channels"]
-        side = config["points"] // shape["strides"][0] // shape["strides"][1] // shape["pool"]
+        (kind, shape), points = *config["encoder"].items(), config["points"]
         for number in range(sum(config["maps"])):
-            layer(f"radar.encoder.maps.{number}.first", (first, 1, 3, 3), 9)
-            layer(f"radar.encoder.maps.{number}.second", (second, first, 3, 3), 9 * first)
-        dense("radar.encoder.first", sum(config["maps"]) * second * side * side + SCALARS, radar["width"])
+            at = f"radar.encoder.maps.{number}"
+            if kind == "patches":
+                channels, side = shape["channels"], points // shape["size"]
+                dense(f"{at}.Patches.dense", shape["size"] ** 2, channels)
+                continue
+            first, channels = shape["channels"]
+            side = points // shape["strides"][0] // shape["strides"][1] // shape["pool"]
+            layer(f"{at}.Convolutions.first", (first, 1, 3, 3), 9)
+            layer(f"{at}.Convolutions.second", (channels, first, 3, 3), 9 * first)
+        dense("radar.encoder.first", sum(config["maps"]) * channels * side * side + SCALARS, radar["width"])
         dense("radar.encoder.second", radar["width"], radar["width"])
         if radar["stack"] > 1:
             dense("radar.stack", radar["stack"] * radar["width"], radar["width"])
@@ -168,29 +181,37 @@ def random_case(config, random, frames, count, antennas):
     }
 
 
-def shape_of(points, maps, channels, strides, pool, radar, tags, fusion="concat", antennas=4, dimensions=32):
+def shape_of(points, maps, encoder, radar, tags, fusion="concat", antennas=4, dimensions=32):
     branches = {}
     for name, (width, layers, heads, feed_forward, stack) in (("radar", radar), ("tags", tags)):
         sizes = {"width": width, "layers": layers, "heads": heads, "feed_forward": feed_forward, "stack": stack}
         branches[name] = {**sizes, "temporal": "transformer"}
-    encoder = {"convolutions": {"channels": channels, "strides": strides, "pool": pool}}
     given = {"points": points, "maps": maps, "antennas": antennas, "name_dimensions": dimensions, "encoder": encoder}
     return {**given, **branches, "fusion": fusion, "dropout": 0.1}
+
+
+def convolutions(channels, strides, pool):
+    return {"convolutions": {"channels": channels, "strides": strides, "pool": pool}}
+
+
+def patches(size, channels):
+    return {"patches": {"size": size, "channels": channels}}
 
 
 ALL = [True] * MAPS
 # Configuration, frames, tags, antennas of the reader: all that can be odd, then the two shapes that are timed.
 ODD = {
-    "stacks past the end": (shape_of(16, ALL, [3, 5], [2, 1], 2, (12, 2, 3, 20, 4), (8, 1, 1, 12, 3)), 10, 3, 4),
-    "fewer antennas than the network": (shape_of(8, ALL, [1, 2], [1, 1], 4, (8, 1, 2, 8, 1), (12, 2, 3, 16, 2)), 7, 2, 2),
-    "more antennas than the network": (shape_of(8, ALL, [2, 1], [2, 1], 1, (8, 1, 2, 8, 2), (8, 1, 2, 8, 1), antennas=2), 4, 5, 4),
-    "two maps": (shape_of(24, [True, False, True], [2, 4], [3, 1], 2, (16, 1, 4, 8, 1), (8, 1, 2, 8, 1)), 5, 2, 4),
-    "one map, one frame, one tag": (shape_of(8, [False, True, False], [2, 4], [1, 1], 2, (8, 1, 2, 8, 1), (8, 1, 2, 8, 2)), 1, 1, 4),
-    "no fusion": (shape_of(16, ALL, [4, 8], [2, 1], 2, (16, 1, 2, 32, 1), (8, 1, 2, 16, 2), "none"), 9, 4, 4),
-    "tags alone": (shape_of(16, ALL, [4, 8], [2, 1], 2, (16, 1, 2, 32, 1), (8, 1, 2, 16, 2), "rfid"), 9, 4, 4),
-    "radar alone": (shape_of(16, ALL, [4, 8], [2, 1], 2, (16, 1, 2, 32, 3), (8, 1, 2, 16, 2), "radar"), 9, 4, 4),
+    "stacks past the end": (shape_of(16, ALL, convolutions([3, 5], [2, 1], 2), (12, 2, 3, 20, 4), (8, 1, 1, 12, 3)), 10, 3, 4),
+    "fewer antennas than the network": (shape_of(8, ALL, convolutions([1, 2], [1, 1], 4), (8, 1, 2, 8, 1), (12, 2, 3, 16, 2)), 7, 2, 2),
+    "more antennas than the network": (shape_of(8, ALL, convolutions([2, 1], [2, 1], 1), (8, 1, 2, 8, 2), (8, 1, 2, 8, 1), antennas=2), 4, 5, 4),
+    "two maps": (shape_of(24, [True, False, True], convolutions([2, 4], [3, 1], 2), (16, 1, 4, 8, 1), (8, 1, 2, 8, 1)), 5, 2, 4),
+    "one map, one frame, one tag": (shape_of(8, [False, True, False], convolutions([2, 4], [1, 1], 2), (8, 1, 2, 8, 1), (8, 1, 2, 8, 2)), 1, 1, 4),
+    "no fusion": (shape_of(16, ALL, convolutions([4, 8], [2, 1], 2), (16, 1, 2, 32, 1), (8, 1, 2, 16, 2), "none"), 9, 4, 4),
+    "squares": (shape_of(12, [True, False, True], patches(3, 5), (12, 2, 3, 20, 1), (8, 1, 1, 12, 2)), 5, 3, 4),
+    "tags alone": (shape_of(16, ALL, convolutions([4, 8], [2, 1], 2), (16, 1, 2, 32, 1), (8, 1, 2, 16, 2), "rfid"), 9, 4, 4),
+    "radar alone": (shape_of(16, ALL, convolutions([4, 8], [2, 1], 2), (16, 1, 2, 32, 3), (8, 1, 2, 16, 2), "radar"), 9, 4, 4),
 }
 TIMED = {
-    "small": (shape_of(32, ALL, [4, 8], [2, 2], 1, (64, 2, 2, 128, 1), (64, 2, 2, 128, 2)), 60, 6, 4),
-    "paper": (shape_of(256, ALL, [1, 1], [1, 1], 8, (1024, 3, 2, 2048, 1), (128, 3, 2, 2048, 1)), 60, 6, 4),
+    "small": (shape_of(32, ALL, patches(4, 8), (64, 2, 2, 128, 1), (64, 2, 2, 128, 2)), 60, 6, 4),
+    "paper": (shape_of(256, ALL, convolutions([1, 1], [1, 1], 8), (1024, 3, 2, 2048, 1), (128, 3, 2, 2048, 1)), 60, 6, 4),
 }

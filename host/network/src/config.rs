@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::sample::{MAPS, MAX_ANTENNAS, READ_CHANNELS};
+use crate::sample::{MAPS, MAX_ANTENNAS, READ_CHANNELS, TURN_CHANNELS};
 
 /// Slope of LeakyReLU below 0: PyTorch's default, which the paper's network has.
 pub const LEAK: f64 = 0.01;
@@ -23,6 +23,9 @@ pub struct NetworkConfig {
     pub name_dimensions: usize,
     /// How a map becomes features.
     pub encoder: Encoder,
+    /// Learnt beams in place of the angle map, if wanted.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub beams: Option<Beams>,
     /// The radar's branch, N_dim^M wide.
     pub radar: Branch,
     /// The tags' branch, N_dim^R wide; each tag goes through it by itself.
@@ -33,7 +36,7 @@ pub struct NetworkConfig {
     pub dropout: f64,
 }
 
-/// From maps to features.
+/// From a map to features.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Encoder {
@@ -46,20 +49,24 @@ pub enum Encoder {
         /// Size of the pool.
         pool: usize,
     },
-    /// The same for the other maps, and in place of the angle map the power of learnt beams on the complex covariance: what
-    /// CubeLearn does to the Fourier transforms, done to the array's.
-    Beams {
-        /// Channels after each convolution.
-        channels: [usize; 2],
-        /// Stride of each.
-        strides: [usize; 2],
-        /// Size of the pool.
-        pool: usize,
-        /// Virtual antennas.
-        antennas: usize,
-        /// Beams.
-        beams: usize,
+    /// The map is cut into squares, and all squares go through one dense layer: a convolution whose stride is its size.
+    Patches {
+        /// Points of a square each way.
+        size: usize,
+        /// Values that a square becomes.
+        channels: usize,
     },
+}
+
+/// In place of the angle map the power of learnt beams on the complex covariance: what CubeLearn does to the Fourier
+/// transforms, done to the array's.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Beams {
+    /// Virtual antennas.
+    pub antennas: usize,
+    /// Beams.
+    pub beams: usize,
 }
 
 /// One branch's features over time.
@@ -146,14 +153,12 @@ pub enum ConfigError {
         most: usize,
     },
     /// Maps that do not divide.
-    #[error("maps of {points} points do not divide by strides of {strides:?} and a pool of {pool}")]
-    Pool {
+    #[error("maps of {points} points do not divide by {step}, which is what a feature looks at")]
+    Divide {
         /// Points.
         points: usize,
-        /// Strides.
-        strides: [usize; 2],
-        /// Pool.
-        pool: usize,
+        /// Points of a feature.
+        step: usize,
     },
 }
 
@@ -167,6 +172,7 @@ impl NetworkConfig {
             antennas: MAX_ANTENNAS,
             name_dimensions,
             encoder: Encoder::Convolutions { channels: [1, 1], strides: [1, 1], pool: 8 },
+            beams: None,
             radar: Branch {
                 width: 1024,
                 layers: 3,
@@ -203,7 +209,8 @@ impl NetworkConfig {
             maps: [true; MAPS],
             antennas: MAX_ANTENNAS,
             name_dimensions,
-            encoder: Encoder::Convolutions { channels: [4, 8], strides: [2, 2], pool: 1 },
+            encoder: Encoder::Patches { size: 4, channels: 8 },
+            beams: None,
             radar: branch(64, 2, 1),
             tags: branch(64, 2, 2),
             fusion: Fusion::Concat,
@@ -232,34 +239,45 @@ impl NetworkConfig {
                 return Err(ConfigError::Heads { branch: name, width: branch.width, heads: branch.heads });
             }
         }
-        let (channels, strides, pool) = self.encoder.convolutions();
-        range("channels", channels[0], 1, 256)?;
-        range("channels", channels[1], 1, 256)?;
-        range("stride", strides[0], 1, 8)?;
-        range("stride", strides[1], 1, 8)?;
-        range("pool", pool, 1, 64)?;
-        if !self.points.is_multiple_of(strides[0] * strides[1] * pool) {
-            return Err(ConfigError::Pool { points: self.points, strides, pool });
+        match self.encoder {
+            Encoder::Convolutions { channels, strides, pool } => {
+                range("channels", channels[0], 1, 256)?;
+                range("channels", channels[1], 1, 256)?;
+                range("stride", strides[0], 1, 8)?;
+                range("stride", strides[1], 1, 8)?;
+                range("pool", pool, 1, 64)?;
+            }
+            Encoder::Patches { size, channels } => {
+                range("size of a patch", size, 1, 64)?;
+                range("channels", channels, 1, 256)?;
+            }
         }
-        if let Encoder::Beams { antennas, beams, .. } = self.encoder {
+        let step = self.encoder.step();
+        if !self.points.is_multiple_of(step) {
+            return Err(ConfigError::Divide { points: self.points, step });
+        }
+        if let Some(Beams { antennas, beams }) = self.beams {
             range("virtual antennas", antennas, 2, 64)?;
             range("beams", beams, 1, 4096)?;
         }
         Ok(())
     }
 
-    /// Places of the maps that go through convolutions.
-    pub fn convolved(&self) -> impl Iterator<Item = usize> + use<> {
-        let beams = matches!(self.encoder, Encoder::Beams { .. });
-        let maps = self.maps;
+    /// Places of the maps that are encoded: those that are looked at, the angle map only without beams.
+    pub fn encoded(&self) -> impl Iterator<Item = usize> + use<> {
+        let (maps, beams) = (self.maps, self.beams.is_some());
         (0..MAPS).filter(move |&map| maps[map] && !(beams && map == MAPS - 1))
     }
 
-    /// Features of one map after its pool.
+    /// Features of one map.
     pub fn map_features(&self) -> usize {
-        let (channels, strides, pool) = self.encoder.convolutions();
-        let side = self.points / strides[0] / strides[1] / pool;
-        channels[1] * side * side
+        let side = self.points / self.encoder.step();
+        self.encoder.channels() * side * side
+    }
+
+    /// Values of a tag's net turn: two at each antenna.
+    pub fn turn_features(&self) -> usize {
+        self.antennas * TURN_CHANNELS
     }
 
     /// Values of one token of a tag before its encoder.
@@ -269,20 +287,19 @@ impl NetworkConfig {
 }
 
 impl Encoder {
-    /// Channels, strides and pool of the convolutions.
-    pub fn convolutions(self) -> ([usize; 2], [usize; 2], usize) {
+    /// Points each way from one feature of a channel to the next.
+    fn step(self) -> usize {
         match self {
-            Self::Convolutions { channels, strides, pool } | Self::Beams { channels, strides, pool, .. } => {
-                (channels, strides, pool)
-            }
+            Self::Convolutions { strides, pool, .. } => strides[0] * strides[1] * pool,
+            Self::Patches { size, .. } => size,
         }
     }
 
-    /// Beams, if they are learnt.
-    pub fn beams(self) -> Option<(usize, usize)> {
+    /// Features of one place.
+    fn channels(self) -> usize {
         match self {
-            Self::Beams { antennas, beams, .. } => Some((antennas, beams)),
-            Self::Convolutions { .. } => None,
+            Self::Convolutions { channels, .. } => channels[1],
+            Self::Patches { channels, .. } => channels,
         }
     }
 }

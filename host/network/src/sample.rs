@@ -45,6 +45,12 @@ pub mod read {
     pub const RSSI: usize = 5;
 }
 
+/// Values of a tag's net turn over a window at each antenna, in half turns: sum of the differences that are known for sure, and
+/// sum of the turns between neighbouring reads, which bridges holes and folds where a tag was fast.
+pub const TURN_CHANNELS: usize = 2;
+/// Net turn at most, half turns: a quarter of a wavelength each, so 0.65 m at 920 MHz.
+pub const MOST_TURNS: f32 = 8.0;
+
 /// Frames of both radios, one after the other.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Frames {
@@ -139,6 +145,19 @@ pub struct Sample {
     pub action: Option<usize>,
     /// Number of the target's tag.
     pub target: Option<usize>,
+    /// Where the person is, if it was written down.
+    pub pose: Option<Pose>,
+}
+
+/// Where a person is and looks, as seen from the radar.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub struct Pose {
+    /// From the radar, m.
+    pub distance_m: f32,
+    /// To the right of the radar's boresight, degrees.
+    pub bearing_deg: f32,
+    /// Where the person looks, degrees; 0 is towards the radar.
+    pub facing_deg: f32,
 }
 
 /// What the network says of some frames.

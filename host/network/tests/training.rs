@@ -6,7 +6,7 @@ mod common;
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
 use common::{config, describe, farthest, names, run, sample};
-use rfhoi_network::config::{Encoder, Fusion, Temporal};
+use rfhoi_network::config::{Beams, Fusion, Temporal};
 use rfhoi_network::metrics::Metrics;
 use rfhoi_network::model::Model;
 use rfhoi_network::reference::Reference;
@@ -54,7 +54,7 @@ fn material<'a>(
     validation: &'a [&'a Sample],
     names: &'a [Vec<f32>],
 ) -> Material<'a> {
-    Material { samples: learn, validation, names, interchangeable: (&[], &[]) }
+    Material { samples: learn, validation, names, interchangeable: (&[], &[]), reversed: &[] }
 }
 
 fn trained(config: rfhoi_network::config::NetworkConfig, epochs: u32) -> Model {
@@ -113,7 +113,7 @@ fn beams_are_learnt_from_the_covariance() {
     let [learn, test]: [Vec<Sample>; 2] =
         [learn, test].map(|set| set.into_iter().map(with_covariance).collect());
     let mut shape = config(Fusion::Radar);
-    shape.encoder = Encoder::Beams { channels: [1, 1], strides: [2, 2], pool: 1, antennas: 2, beams: 4 };
+    shape.beams = Some(Beams { antennas: 2, beams: 4 });
     let names = names();
     let references: Vec<&Sample> = learn.iter().collect();
     let description = describe(shape);

@@ -11,7 +11,7 @@ use rfhoi::features::{AngleMap, Settings};
 use rfhoi::hoi::Action;
 use rfhoi::learn::{self, Data};
 use rfhoi::recognize;
-use rfhoi_network::config::{Encoder, Fusion, NetworkConfig, Temporal};
+use rfhoi_network::config::{Beams, Fusion, NetworkConfig, Temporal};
 use rfhoi_network::execute::quantize;
 use rfhoi_network::metrics::Metrics;
 use rfhoi_network::model::{Description, Model, Precision};
@@ -128,8 +128,7 @@ impl NetworkArgs {
             config.radar.temporal = Temporal::Convolution;
         }
         if let Some(beams) = self.beams {
-            let (channels, strides, pool) = config.encoder.convolutions();
-            config.encoder = Encoder::Beams { channels, strides, pool, antennas: virtual_antennas, beams };
+            config.beams = Some(Beams { antennas: virtual_antennas, beams });
         }
         let angles: AngleMap = self.angles.into();
         config.maps[2] = angles != AngleMap::None;
@@ -138,7 +137,7 @@ impl NetworkArgs {
             points: config.points,
             angles,
             antennas: config.antennas,
-            covariance: config.encoder.beams().is_some(),
+            covariance: config.beams.is_some(),
         };
         Ok((config, settings))
     }

@@ -21,6 +21,8 @@ pub struct Data {
     pub names: Vec<Vec<f32>>,
     /// Numbers of things that are carried, and of the actions for which one carried thing may stand for another.
     interchangeable: (Vec<usize>, Vec<usize>),
+    /// What each action is backwards.
+    reversed: Vec<usize>,
 }
 
 /// Why there is no data.
@@ -84,6 +86,7 @@ pub fn load(
         maps: described["maps"].clone(),
         names: vectors,
         interchangeable: (carried, agnostic.map(|action| action.index()).collect()),
+        reversed: Action::ALL.iter().map(|action| action.reversed().index()).collect(),
         set,
     })
 }
@@ -97,7 +100,13 @@ impl Data {
     /// What to learn from.
     pub fn material<'a>(&'a self, samples: &'a [&'a Sample], validation: &'a [&'a Sample]) -> Material<'a> {
         let (objects, actions) = &self.interchangeable;
-        Material { samples, validation, names: &self.names, interchangeable: (objects, actions) }
+        Material {
+            samples,
+            validation,
+            names: &self.names,
+            interchangeable: (objects, actions),
+            reversed: &self.reversed,
+        }
     }
 
     /// Vectors of a sample's tags, one after the other.

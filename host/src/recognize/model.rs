@@ -48,7 +48,7 @@ pub fn settings(description: &Description) -> Result<Settings, RecognizeError> {
         points: config.points,
         angles,
         antennas: config.antennas,
-        covariance: config.encoder.beams().is_some(),
+        covariance: config.beams.is_some(),
     })
 }
 

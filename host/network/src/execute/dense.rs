@@ -194,6 +194,11 @@ impl Dense {
         }
     }
 
+    /// Whether values are f32.
+    pub(super) fn is_float(&self) -> bool {
+        matches!(self.kind, Kind::Float { .. })
+    }
+
     /// f32 weights `[out][in]`, if it has them.
     pub(super) fn floats(&self) -> Option<&[f32]> {
         match &self.kind {

@@ -8,10 +8,10 @@ use super::convolution::{Convolution, max_pool};
 use super::dense::{Dense, Input, Norm, Sink};
 use super::transformer::{Transformer, Work};
 use super::{Between, ExecuteError, leaky};
-use crate::config::{Fusion, LEAK, NetworkConfig};
+use crate::config::{Encoder, Fusion, LEAK, NetworkConfig};
 use crate::kept::Kept;
 use crate::model::{Model, Precision};
-use crate::network::token_of_tag;
+use crate::network::{token_of_tag, turns_of_tag};
 use crate::positions::positions;
 use crate::probability::softmax;
 use crate::sample::{Answer, Frame, InputError, Runner};
@@ -33,14 +33,21 @@ pub struct Executor {
 
 #[derive(Debug, Clone)]
 struct RadarEncoder {
-    /// Place of each map that is looked at, and its layers.
-    maps: Vec<(usize, [Convolution; 2])>,
-    pool: usize,
+    /// Place of each map that is encoded, and its layers.
+    maps: Vec<(usize, MapEncoder)>,
     first: Dense,
     /// `[SCALARS][W]`.
     scalars: Vec<f32>,
+    first_norm: Norm,
     second: Dense,
+    second_norm: Norm,
     stack: Option<Dense>,
+}
+
+#[derive(Debug, Clone)]
+enum MapEncoder {
+    Convolutions { layers: [Convolution; 2], pool: usize },
+    Patches { dense: Dense, size: usize },
 }
 
 #[derive(Debug, Clone)]
@@ -66,6 +73,8 @@ struct Memory {
     features: Between,
     scratch: Between,
     shift: Vec<f32>,
+    joined: Vec<f32>,
+    normed: Vec<f32>,
     token: Vec<f32>,
     sequence: Vec<f32>,
     stacked: Vec<f32>,
@@ -78,6 +87,13 @@ struct Memory {
     transformer: Work,
 }
 
+/// Layers with weights.
+pub(super) struct Layers<'a> {
+    pub(super) dense: Vec<&'a Dense>,
+    pub(super) patches: Vec<&'a Dense>,
+    pub(super) convolutions: Vec<&'a [Convolution; 2]>,
+}
+
 impl Executor {
     /// An executor of a model with these kernels.
     ///
@@ -88,7 +104,7 @@ impl Executor {
         if matches!(config.fusion, Fusion::Film | Fusion::Attention) {
             return Err(ExecuteError::Unsupported("FiLM and attention between the branches"));
         }
-        if config.encoder.beams().is_some() {
+        if config.beams.is_some() {
             return Err(ExecuteError::Unsupported("learnt beams"));
         }
         let radar = config.fusion.has_radar();
@@ -174,14 +190,18 @@ impl Executor {
         (work.scores.clone(), targets)
     }
 
-    /// All dense layers, and all convolutions, map by map.
-    pub(super) fn layers(&self) -> (Vec<&Dense>, Vec<&[Convolution; 2]>) {
-        let mut dense = Vec::new();
-        let mut convolutions = Vec::new();
+    /// All dense layers, those on the maps themselves, and all convolutions, map by map.
+    pub(super) fn layers(&self) -> Layers<'_> {
+        let (mut dense, mut patches, mut convolutions) = (Vec::new(), Vec::new(), Vec::new());
         if let Some(encoder) = &self.encoder {
             dense.extend([&encoder.first, &encoder.second]);
             dense.extend(&encoder.stack);
-            convolutions.extend(encoder.maps.iter().map(|(_, layers)| layers));
+            for (_, map) in &encoder.maps {
+                match map {
+                    MapEncoder::Convolutions { layers, .. } => convolutions.push(layers),
+                    MapEncoder::Patches { dense, .. } => patches.push(dense),
+                }
+            }
         }
         dense.extend(self.radar.iter().flat_map(Transformer::dense));
         if let Some(tags) = &self.tags {
@@ -189,7 +209,7 @@ impl Executor {
             dense.extend(tags.temporal.dense());
         }
         dense.extend([&self.action.first, &self.action.second, &self.target.first, &self.target.second]);
-        (dense, convolutions)
+        Layers { dense, patches, convolutions }
     }
 }
 
@@ -219,14 +239,9 @@ impl Runner for Executor {
 
 impl RadarEncoder {
     fn load(model: &Model, config: &NetworkConfig) -> Result<Self, ExecuteError> {
-        let (_, strides, pool) = config.encoder.convolutions();
-        let maps = config.convolved().enumerate().map(|(number, map)| {
-            let at = |part: &str| format!("radar.encoder.maps.{number}.{part}");
-            let layers = [
-                Convolution::load(model, &at("first"), strides[0])?,
-                Convolution::load(model, &at("second"), strides[1])?,
-            ];
-            Ok((map, layers))
+        let maps = config.encoded().enumerate().map(|(number, map)| {
+            let name = format!("radar.encoder.maps.{number}");
+            Ok((map, MapEncoder::load(model, &name, config.encoder)?))
         });
         let maps: Vec<_> = maps.collect::<Result<_, ExecuteError>>()?;
         let features = maps.len() * config.map_features();
@@ -242,10 +257,11 @@ impl RadarEncoder {
         let stacked = config.radar.stack > 1;
         Ok(Self {
             maps,
-            pool,
-            first: Dense::load(model, name, LEAK as f32, part)?,
+            first: Dense::load(model, name, 1.0, part)?,
             scalars,
+            first_norm: Norm::load(model, "radar.encoder.first_norm")?,
             second: Dense::load(model, "radar.encoder.second", 1.0, None)?,
+            second_norm: Norm::load(model, "radar.encoder.second_norm")?,
             stack: stacked.then(|| Dense::load(model, "radar.stack", 1.0, None)).transpose()?,
         })
     }
@@ -254,19 +270,9 @@ impl RadarEncoder {
         let size = config.points * config.points;
         work.features.floats.clear();
         work.features.codes.clear();
-        for (map, [first, second]) in &mut self.maps {
+        for (map, encoder) in &mut self.maps {
             let codes = &frame.maps[*map * size..(*map + 1) * size];
-            let float = first.is_float();
-            if float {
-                work.input.floats.clear();
-                work.input.floats.extend(codes.iter().map(|&code| f32::from(code) / 255.0));
-            } else {
-                work.input.codes.clear();
-                work.input.codes.extend_from_slice(codes);
-            }
-            let side = first.run(kernels, &work.input, config.points, &mut work.inner);
-            let side = second.run(kernels, &work.inner, side, &mut work.outer);
-            max_pool(kernels, float, &work.outer, (second.outputs(), side, self.pool), &mut work.features);
+            encoder.run(kernels, codes, config.points, &self.first, work);
         }
         work.shift.clear();
         work.shift.resize(self.first.outputs, 0.0);
@@ -274,10 +280,67 @@ impl RadarEncoder {
             work.shift.iter_mut().zip(weights).for_each(|(sum, weight)| *sum += scalar * weight);
         }
         let input = Input::Between(&work.features);
-        let next = Sink::Between(&self.second, &mut work.between);
-        self.first.run(kernels, input, Some(&work.shift), &mut work.scratch, next);
-        let input = Input::Between(&work.between);
-        self.second.run(kernels, input, None, &mut work.scratch, Sink::F32(&mut work.token));
+        let sink = Sink::F32(&mut work.joined);
+        self.first.run(kernels, input, Some(&work.shift), &mut work.scratch, sink);
+        work.normed.resize(work.joined.len(), 0.0);
+        self.first_norm.run(kernels, &work.joined, Out::F32(&mut work.normed));
+        work.normed.iter_mut().for_each(|value| *value = leaky(*value, LEAK as f32));
+        let input = Input::F32(&work.normed);
+        self.second.run(kernels, input, None, &mut work.scratch, Sink::F32(&mut work.joined));
+        work.token.resize(work.joined.len(), 0.0);
+        self.second_norm.run(kernels, &work.joined, Out::F32(&mut work.token));
+    }
+}
+
+impl MapEncoder {
+    fn load(model: &Model, name: &str, encoder: Encoder) -> Result<Self, ExecuteError> {
+        Ok(match encoder {
+            Encoder::Convolutions { strides, pool, .. } => {
+                let layer = |part, stride| Convolution::load(model, &format!("{name}.Convolutions.{part}"), stride);
+                Self::Convolutions { layers: [layer("first", strides[0])?, layer("second", strides[1])?], pool }
+            }
+            Encoder::Patches { size, .. } => {
+                let dense = Dense::load(model, &format!("{name}.Patches.dense"), LEAK as f32, None)?;
+                Self::Patches { dense, size }
+            }
+        })
+    }
+
+    /// Adds the features of a map, `[points][points]`, to `work.features`, as `next` takes them.
+    fn run(&mut self, kernels: &Kernels, codes: &[u8], points: usize, next: &Dense, work: &mut Memory) {
+        let Memory { input, inner, outer, features, scratch, .. } = work;
+        let value = |code: &u8| f32::from(*code) / 255.0;
+        match self {
+            Self::Convolutions { layers: [first, second], pool } => {
+                let float = first.is_float();
+                if float {
+                    input.floats.clear();
+                    input.floats.extend(codes.iter().map(value));
+                } else {
+                    input.codes.clear();
+                    input.codes.extend_from_slice(codes);
+                }
+                let side = first.run(kernels, input, points, inner);
+                let side = second.run(kernels, inner, side, outer);
+                max_pool(kernels, float, outer, (second.outputs(), side, *pool), features);
+            }
+            Self::Patches { dense, size } => {
+                input.codes.clear();
+                for rows in codes.chunks_exact(*size * points) {
+                    for column in (0..points).step_by(*size) {
+                        let square = rows.chunks_exact(points).flat_map(|row| &row[column..column + *size]);
+                        input.codes.extend(square);
+                    }
+                }
+                if dense.is_float() {
+                    input.floats.clear();
+                    input.floats.extend(input.codes.iter().map(value));
+                }
+                dense.run(kernels, Input::Between(input), None, scratch, Sink::Between(next, outer));
+                features.floats.extend_from_slice(&outer.floats);
+                features.codes.extend_from_slice(&outer.codes);
+            }
+        }
     }
 }
 
@@ -324,12 +387,15 @@ impl TagBranch {
         self.temporal.run(kernels, &mut work.sequence, length, &mut work.transformer);
         let input = Input::F32(names);
         self.names.run(kernels, input, None, &mut work.scratch, Sink::F32(&mut work.named));
-        work.evidence.resize(count * 2 * width, 0.0);
-        for (tag, out) in work.evidence.chunks_exact_mut(2 * width).enumerate() {
-            let (moved, named) = out.split_at_mut(width);
+        let known = 2 * width + config.turn_features();
+        work.evidence.resize(count * known, 0.0);
+        for (tag, out) in work.evidence.chunks_exact_mut(known).enumerate() {
+            let (moved, rest) = out.split_at_mut(width);
+            let (named, turns) = rest.split_at_mut(width);
             let tokens = &work.sequence[tag * length * width..(tag + 1) * length * width];
             kernels.mean_rows(tokens, width, moved);
             named.copy_from_slice(&work.named[tag * width..(tag + 1) * width]);
+            turns_of_tag(config, &kept.frames, part.clone(), tag, turns);
         }
         let input = Input::F32(&work.evidence);
         self.join.run(kernels, input, None, &mut work.scratch, Sink::F32(&mut work.tags));

@@ -5,7 +5,8 @@ use std::collections::BTreeMap;
 use rfhoi_int8::Kernels;
 
 use super::dense::Dense;
-use super::{Codes, ExecuteError, Executor, Seen};
+use super::executor::{Executor, Layers};
+use super::{Codes, ExecuteError, Seen};
 use crate::model::{Array, Model, Precision, Values};
 use crate::network::NameVectors;
 use crate::sample::{Runner, SCALARS, Sample};
@@ -35,10 +36,14 @@ pub fn quantize(model: &Model, samples: &[&Sample], names: &NameVectors) -> Resu
         executor.answer(0..sample.frames.len(), &named)?;
     }
     let mut arrays: BTreeMap<String, Array> = BTreeMap::new();
-    let (dense, convolutions) = executor.layers();
+    let Layers { dense, patches, convolutions } = executor.layers();
     let mut replaced = Vec::new();
     for layer in dense {
-        dense_layer(model, layer, &mut arrays)?;
+        dense_layer(model, layer, layer.codes(), &mut arrays)?;
+        replaced.push(layer.name.clone());
+    }
+    for layer in patches {
+        dense_layer(model, layer, Codes::MAPS, &mut arrays)?;
         replaced.push(layer.name.clone());
     }
     // The pools of all maps go into one dense layer, so their codes mean the same.
@@ -75,11 +80,12 @@ pub fn quantize(model: &Model, samples: &[&Sample], names: &NameVectors) -> Resu
 fn dense_layer(
     model: &Model,
     layer: &Dense,
+    input: Codes,
     arrays: &mut BTreeMap<String, Array>,
 ) -> Result<(), ExecuteError> {
     let Some(weights) = layer.floats() else { return Ok(()) };
     put_weights(arrays, &layer.name, weights, vec![layer.outputs, layer.inputs], layer.outputs);
-    put_codes(arrays, &format!("{}.input", layer.name), layer.codes());
+    put_codes(arrays, &format!("{}.input", layer.name), input);
     if layer.name == "radar.encoder.first" {
         let all = model.f32s(&format!("{}.weight", layer.name))?;
         let scalars = all[layer.inputs * layer.outputs..].to_vec();

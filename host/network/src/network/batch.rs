@@ -4,8 +4,8 @@ use std::ops::Range;
 
 use burn::tensor::{Device, Int, Tensor, TensorData};
 
-use crate::config::NetworkConfig;
-use crate::sample::{Frames, READ_CHANNELS, SCALARS};
+use crate::config::{Beams, NetworkConfig};
+use crate::sample::{Frames, MOST_TURNS, READ_CHANNELS, SCALARS, TURN_CHANNELS, read};
 
 /// Vectors of names, by number.
 pub type NameVectors = [Vec<f32>];
@@ -24,6 +24,8 @@ pub struct Batch {
     pub(crate) reads: Tensor<3>,
     /// 1 where a token of a tag is, `[B * T, G]`.
     pub(crate) read_valid: Tensor<2>,
+    /// Net turn of each tag, `[B * T, antennas * TURN_CHANNELS]`.
+    pub(crate) turns: Tensor<2>,
     /// `[B, T, E]`.
     pub(crate) names: Tensor<3>,
     /// 1 where a tag is, `[B, T]`.
@@ -33,7 +35,7 @@ pub struct Batch {
 /// What each frame's radar token is made of.
 #[derive(Debug, Clone)]
 pub(crate) struct FrameTensors {
-    /// `[N, 1, P, P]` from 0 to 1, one for each map that goes through convolutions.
+    /// `[N, 1, P, P]` from 0 to 1, one for each map that is encoded.
     pub(crate) maps: Vec<Tensor<4>>,
     /// `[N, SCALARS]`.
     pub(crate) scalars: Tensor<2>,
@@ -123,6 +125,8 @@ impl Batch {
         let features = config.read_features();
         let mut reads = vec![0.0; samples.len() * tags * groups * features];
         let mut read_valid = vec![0.0; samples.len() * tags * groups];
+        let per_tag = config.turn_features();
+        let mut turns = vec![0.0; samples.len() * tags * per_tag];
         let mut names = vec![0.0; samples.len() * tags * config.name_dimensions];
         let mut tag_valid = vec![0.0; samples.len() * tags];
         for (place, (sample, vectors)) in samples.iter().enumerate() {
@@ -133,6 +137,8 @@ impl Batch {
                 valid[..sample.len().div_ceil(config.tags.stack)].fill(1.0);
                 names[row * config.name_dimensions..(row + 1) * config.name_dimensions]
                     .copy_from_slice(vector);
+                let turns = &mut turns[row * per_tag..(row + 1) * per_tag];
+                turns_of_tag(config, sample, 0..sample.len(), tag, turns);
                 let row = &mut reads[row * groups * features..(row + 1) * groups * features];
                 for (token, out) in row.chunks_exact_mut(features).enumerate() {
                     token_of_tag(config, sample, 0..sample.len(), tag, token, out);
@@ -151,6 +157,7 @@ impl Batch {
             radar_valid: Tensor::from_data(radar_valid, device),
             reads: Tensor::from_data(tensor(reads, &[rows, groups, features]), device),
             read_valid: Tensor::from_data(tensor(read_valid, &[rows, groups]), device),
+            turns: Tensor::from_data(tensor(turns, &[rows, per_tag]), device),
             names: Tensor::from_data(tensor(names, &[samples.len(), tags, config.name_dimensions]), device),
             tag_valid: Tensor::from_data(tensor(tag_valid, &[samples.len(), tags]), device),
         }
@@ -166,7 +173,7 @@ impl FrameTensors {
     ) -> Self {
         let frames: usize = samples.clone().map(Frames::len).sum();
         let (points, size) = (config.points, config.points * config.points);
-        let maps = config.convolved().map(|map| {
+        let maps = config.encoded().map(|map| {
             let mut values = Vec::with_capacity(frames * size);
             for sample in samples.clone() {
                 for number in 0..sample.len() {
@@ -178,7 +185,7 @@ impl FrameTensors {
         });
         let maps = maps.collect();
         let scalars: Vec<f32> = samples.clone().flat_map(|s| s.scalars.iter().copied()).collect();
-        let covariance = config.encoder.beams().map(|(antennas, _)| {
+        let covariance = config.beams.map(|Beams { antennas, .. }| {
             let values: Vec<f32> = samples.clone().flat_map(|s| s.covariance.iter().copied()).collect();
             Tensor::from_data(TensorData::new(values, [frames, antennas * antennas]), device)
         });
@@ -213,6 +220,27 @@ pub(crate) fn token_of_tag(
     }
 }
 
+/// Net turn of one tag over the frames in `part`: `[antennas][TURN_CHANNELS]`.
+pub(crate) fn turns_of_tag(
+    config: &NetworkConfig,
+    frames: &Frames,
+    part: Range<usize>,
+    tag: usize,
+    out: &mut [f32],
+) {
+    out.fill(0.0);
+    let (of_tag, of_frame) = (frames.antennas * READ_CHANNELS, frames.tags * frames.antennas * READ_CHANNELS);
+    let of_tag = part.map(|number| &frames.reads[number * of_frame + tag * of_tag..][..of_tag]);
+    for reads in of_tag {
+        let antennas = reads.chunks_exact(READ_CHANNELS).take(config.antennas);
+        for (values, sums) in antennas.zip(out.chunks_exact_mut(TURN_CHANNELS)) {
+            sums[0] += values[read::DIFFERENCE];
+            sums[1] += values[read::TURN].atan2(values[read::TURN + 1]) / core::f32::consts::PI;
+        }
+    }
+    out.iter_mut().for_each(|sum| *sum = sum.clamp(-MOST_TURNS, MOST_TURNS));
+}
+
 fn check(config: &NetworkConfig, samples: &[(&Frames, Vec<&[f32]>)]) -> Result<(), BatchError> {
     if samples.is_empty() || samples.iter().any(|(frames, _)| frames.is_empty()) {
         return Err(BatchError::Empty);
@@ -228,7 +256,7 @@ fn check(config: &NetworkConfig, samples: &[(&Frames, Vec<&[f32]>)]) -> Result<(
         if vectors.len() < frames.tags {
             return Err(BatchError::Names { given: 0, wanted });
         }
-        if let Some((antennas, _)) = config.encoder.beams() {
+        if let Some(Beams { antennas, .. }) = config.beams {
             let (given, wanted) = (frames.covariance.len() / frames.len(), antennas * antennas);
             if given != wanted {
                 return Err(BatchError::Covariance { given, wanted });

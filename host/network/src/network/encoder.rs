@@ -3,83 +3,129 @@
 use burn::module::{Module, Param};
 use burn::nn::conv::{Conv2d, Conv2dConfig};
 use burn::nn::pool::{MaxPool2d, MaxPool2dConfig};
-use burn::nn::{Linear, PaddingConfig2d};
-use burn::tensor::activation::leaky_relu;
+use burn::nn::{LayerNorm, Linear, PaddingConfig2d};
 use burn::tensor::{Device, Distribution, Tensor};
 
 use super::batch::FrameTensors;
-use super::linear;
-use crate::config::{LEAK, NetworkConfig};
+use super::{leaky, linear, norm};
+use crate::config::{Encoder, NetworkConfig};
 use crate::sample::SCALARS;
 
-/// Two convolutions and a pool for each map, then two dense layers over all of them and the frame's scalars.
+/// Each map by itself, then two dense layers over all of them and the frame's scalars, each normalised: without it a token is
+/// small beside its position and hardly learns where the person is.
 #[derive(Module, Debug)]
 pub(super) struct RadarEncoder {
     maps: Vec<MapEncoder>,
     beams: Option<Beams>,
     first: Linear,
+    first_norm: LayerNorm,
     second: Linear,
+    second_norm: LayerNorm,
 }
 
 #[derive(Module, Debug)]
-pub(super) struct MapEncoder {
+pub(super) enum MapEncoder {
+    Convolutions(Convolutions),
+    Patches(Patches),
+}
+
+#[derive(Module, Debug)]
+pub(super) struct Convolutions {
     first: Conv2d,
     second: Conv2d,
     pool: Option<MaxPool2d>,
 }
 
+#[derive(Module, Debug)]
+pub(super) struct Patches {
+    dense: Linear,
+    #[module(skip)]
+    size: usize,
+}
+
 impl RadarEncoder {
     pub(super) fn new(config: &NetworkConfig, device: &Device) -> Self {
-        let maps: Vec<_> = config.convolved().map(|_| MapEncoder::new(config, device)).collect();
-        let beams = config.encoder.beams().filter(|_| config.maps[config.maps.len() - 1]);
-        let features = maps.len() * config.map_features() + beams.map_or(0, |(_, beams)| beams) + SCALARS;
+        let maps: Vec<_> = config.encoded().map(|_| MapEncoder::new(config.encoder, device)).collect();
+        let beams = config.beams.filter(|_| config.maps[config.maps.len() - 1]);
+        let features = maps.len() * config.map_features() + beams.map_or(0, |beams| beams.beams) + SCALARS;
         let width = config.radar.width;
         Self {
             maps,
-            beams: beams.map(|(antennas, beams)| Beams::new(antennas, beams, device)),
+            beams: beams.map(|beams| Beams::new(beams, device)),
             first: linear(features, width, device),
+            first_norm: norm(width, device),
             second: linear(width, width, device),
+            second_norm: norm(width, device),
         }
     }
 
     /// `[N, W]`.
     pub(super) fn forward(&self, frames: &FrameTensors) -> Tensor<2> {
-        let convolved = self.maps.iter().zip(&frames.maps).map(|(encoder, map)| encoder.forward(map.clone()));
-        let mut features: Vec<Tensor<2>> = convolved.collect();
+        let encoded = self.maps.iter().zip(&frames.maps).map(|(encoder, map)| encoder.forward(map.clone()));
+        let mut features: Vec<Tensor<2>> = encoded.collect();
         if let (Some(beams), Some(covariance)) = (&self.beams, &frames.covariance) {
             features.push(beams.forward(covariance.clone()));
         }
         features.push(frames.scalars.clone());
-        let joined = leaky_relu(self.first.forward(Tensor::cat(features, 1)), LEAK);
-        self.second.forward(joined)
+        let joined = leaky(self.first_norm.forward(self.first.forward(Tensor::cat(features, 1))));
+        self.second_norm.forward(self.second.forward(joined))
     }
 }
 
 impl MapEncoder {
-    fn new(config: &NetworkConfig, device: &Device) -> Self {
-        let (channels, strides, pool) = config.encoder.convolutions();
-        let convolution = |from, to, stride| {
-            Conv2dConfig::new([from, to], [3, 3])
-                .with_stride([stride, stride])
-                .with_padding(PaddingConfig2d::Explicit(1, 1, 1, 1))
-                .init(device)
-        };
-        Self {
-            first: convolution(1, channels[0], strides[0]),
-            second: convolution(channels[0], channels[1], strides[1]),
-            pool: (pool > 1).then(|| MaxPool2dConfig::new([pool, pool]).with_strides([pool, pool]).init()),
+    fn new(encoder: Encoder, device: &Device) -> Self {
+        match encoder {
+            Encoder::Convolutions { channels, strides, pool } => {
+                let convolution = |from, to, stride| {
+                    Conv2dConfig::new([from, to], [3, 3])
+                        .with_stride([stride, stride])
+                        .with_padding(PaddingConfig2d::Explicit(1, 1, 1, 1))
+                        .init(device)
+                };
+                let pool =
+                    (pool > 1).then(|| MaxPool2dConfig::new([pool, pool]).with_strides([pool, pool]).init());
+                Self::Convolutions(Convolutions {
+                    first: convolution(1, channels[0], strides[0]),
+                    second: convolution(channels[0], channels[1], strides[1]),
+                    pool,
+                })
+            }
+            Encoder::Patches { size, channels } => {
+                Self::Patches(Patches { dense: linear(size * size, channels, device), size })
+            }
         }
     }
 
     /// `[N, 1, P, P]` to `[N, features]`.
     fn forward(&self, map: Tensor<4>) -> Tensor<2> {
-        let inner = leaky_relu(self.first.forward(map), LEAK);
-        let inner = leaky_relu(self.second.forward(inner), LEAK);
+        match self {
+            Self::Convolutions(convolutions) => convolutions.forward(map),
+            Self::Patches(patches) => patches.forward(map),
+        }
+    }
+}
+
+impl Convolutions {
+    fn forward(&self, map: Tensor<4>) -> Tensor<2> {
+        let inner = leaky(self.first.forward(map));
+        let inner = leaky(self.second.forward(inner));
         let inner = match &self.pool {
             Some(pool) => pool.forward(inner),
             None => inner,
         };
         inner.flatten(1, 3)
+    }
+}
+
+impl Patches {
+    /// Features are ordered by square, row by row, then by channel.
+    fn forward(&self, map: Tensor<4>) -> Tensor<2> {
+        let [frames, _, points, _] = map.dims();
+        let (size, side) = (self.size, points / self.size);
+        let squares = map.reshape([frames * side, size, side, size]).swap_dims(1, 2);
+        let values = leaky(self.dense.forward(squares.reshape([frames * side * side, size * size])));
+        let [_, channels] = values.dims();
+        values.reshape([frames, side * side * channels])
     }
 }
 
@@ -93,7 +139,7 @@ pub(super) struct Beams {
 }
 
 impl Beams {
-    fn new(antennas: usize, beams: usize, device: &Device) -> Self {
+    fn new(crate::config::Beams { antennas, beams }: crate::config::Beams, device: &Device) -> Self {
         let spread = Distribution::Normal(0.0, (0.5 / antennas as f64).sqrt());
         let draw = || Param::from_tensor(Tensor::random([beams, antennas], spread, device));
         Self { re: draw(), im: draw() }

@@ -10,8 +10,8 @@ use burn::tensor::activation;
 use burn::tensor::{Device, Tensor};
 
 use super::temporal::attend;
-use super::{ACTIONS, Batch, RadarFeatures, dense, linear};
-use crate::config::{Fusion, LEAK, NetworkConfig};
+use super::{ACTIONS, Batch, RadarFeatures, dense, leaky, linear};
+use crate::config::{Fusion, NetworkConfig};
 use crate::probability::softmax;
 use crate::sample::Answer;
 
@@ -143,7 +143,7 @@ impl Heads {
             (Some(radar), None) => repeated(radar),
             (None, None) => unreachable!("every fusion has a branch"),
         };
-        let inner = activation::leaky_relu(dense(&self.target.first, evidence), LEAK);
+        let inner = leaky(dense(&self.target.first, evidence));
         let targets = dense(&self.target.second, inner).squeeze_dim::<2>(2) + absent;
         let mut evidence: Vec<Tensor<2>> = radar.into_iter().collect();
         if let Some(tags) = tags.filter(|_| self.fusion != Fusion::None) {
@@ -152,7 +152,7 @@ impl Heads {
             evidence.push(weighed);
             evidence.push(super::masked_mean(tags, batch.tag_valid.clone()));
         }
-        let inner = activation::leaky_relu(self.action.first.forward(Tensor::cat(evidence, 1)), LEAK);
+        let inner = leaky(self.action.first.forward(Tensor::cat(evidence, 1)));
         Output { actions: self.action.second.forward(inner), targets }
     }
 

@@ -10,11 +10,11 @@ mod temporal;
 
 use burn::module::Module;
 use burn::nn::{LayerNorm, LayerNormConfig, Linear, LinearConfig};
-use burn::tensor::activation::leaky_relu;
+use burn::tensor::activation::relu;
 use burn::tensor::{Device, Tensor};
 
 pub use batch::{Batch, BatchError, NameVectors};
-pub(crate) use batch::{FrameTensors, token_of_tag};
+pub(crate) use batch::{FrameTensors, token_of_tag, turns_of_tag};
 pub use fusion::Output;
 
 use crate::config::{ConfigError, EPSILON, LEAK, NetworkConfig};
@@ -69,6 +69,11 @@ pub(crate) fn dense(layer: &Linear, input: Tensor<3>) -> Tensor<3> {
     out.reshape([a, b, width])
 }
 
+/// LeakyReLU as a sum, whose gradient Burn has faster than that of its own, which is one of masks.
+pub(crate) fn leaky<const D: usize>(values: Tensor<D>) -> Tensor<D> {
+    relu(values.clone()).mul_scalar(1.0 - LEAK) + values.mul_scalar(LEAK)
+}
+
 pub(crate) fn linear(from: usize, to: usize, device: &Device) -> Linear {
     LinearConfig::new(from, to).init(device)
 }
@@ -96,7 +101,7 @@ impl Network {
             norm: norm(width, device),
             temporal: TemporalBlock::new(&config.tags, config.dropout, device),
             names: linear(config.name_dimensions, width, device),
-            join: linear(2 * width, width, device),
+            join: linear(2 * width + config.turn_features(), width, device),
         });
         Ok(Self { radar, tags, heads: Heads::new(config, device) })
     }
@@ -106,6 +111,14 @@ impl Network {
         self.decide(self.embed(&batch.frames), batch)
     }
 
+    /// Scores of all samples, and the radar's features behind them, `[B, W]`.
+    #[cfg(feature = "train")]
+    pub(crate) fn forward_with_radar(&self, batch: &Batch) -> (Output, Option<Tensor<2>>) {
+        let radar = self.radar_features(self.embed(&batch.frames), batch);
+        let pooled = radar.as_ref().map(|radar| radar.pooled.clone());
+        (self.weigh(radar, batch), pooled)
+    }
+
     /// Radar tokens of frames, `[N, W]`, each by itself.
     pub(crate) fn embed(&self, frames: &FrameTensors) -> Option<Tensor<2>> {
         self.radar.as_ref().map(|radar| radar.encoder.forward(frames))
@@ -113,7 +126,14 @@ impl Network {
 
     /// Scores from radar tokens and all the rest.
     pub(crate) fn decide(&self, embedded: Option<Tensor<2>>, batch: &Batch) -> Output {
-        let radar = self.radar.as_ref().zip(embedded).map(|(radar, tokens)| radar.forward(tokens, batch));
+        self.weigh(self.radar_features(embedded, batch), batch)
+    }
+
+    fn radar_features(&self, embedded: Option<Tensor<2>>, batch: &Batch) -> Option<RadarFeatures> {
+        self.radar.as_ref().zip(embedded).map(|(radar, tokens)| radar.forward(tokens, batch))
+    }
+
+    fn weigh(&self, radar: Option<RadarFeatures>, batch: &Batch) -> Output {
         let tags = self.tags.as_ref().map(|tags| tags.forward(batch));
         self.heads.forward(radar, tags, batch)
     }
@@ -143,12 +163,15 @@ impl TagBranch {
     /// Each tag's features, `[B, T, W]`.
     fn forward(&self, batch: &Batch) -> Tensor<3> {
         let [samples, tags] = batch.tag_valid.dims();
-        let tokens = leaky_relu(self.norm.forward(dense(&self.encoder, batch.reads.clone())), LEAK);
+        let tokens = leaky(self.norm.forward(dense(&self.encoder, batch.reads.clone())));
         let tokens = self.temporal.forward(tokens, batch.read_valid.clone());
         let moved = masked_mean(tokens, batch.read_valid.clone());
         let [_, width] = moved.dims();
         let named = dense(&self.names, batch.names.clone());
-        let both = Tensor::cat(vec![moved.reshape([samples, tags, width]), named], 2);
-        leaky_relu(dense(&self.join, both), LEAK)
+        // How far a tag has moved in all would drown in the mean of its tokens.
+        let [_, turns] = batch.turns.dims();
+        let turned = batch.turns.clone().reshape([samples, tags, turns]);
+        let all = Tensor::cat(vec![moved.reshape([samples, tags, width]), named, turned], 2);
+        leaky(dense(&self.join, all))
     }
 }

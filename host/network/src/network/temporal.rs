@@ -2,11 +2,11 @@
 
 use burn::module::Module;
 use burn::nn::{Dropout, DropoutConfig, LayerNorm, Linear};
-use burn::tensor::activation::{leaky_relu, softmax};
+use burn::tensor::activation::softmax;
 use burn::tensor::{Device, Tensor};
 
-use super::{dense, linear, norm};
-use crate::config::{Branch, LEAK, Temporal};
+use super::{dense, leaky, linear, norm};
+use crate::config::{Branch, Temporal};
 use crate::positions::positions;
 
 /// Score of what must not be seen.
@@ -103,7 +103,7 @@ impl Layer {
     fn forward(&self, tokens: Tensor<3>, hidden: Tensor<4>) -> Tensor<3> {
         let seen = self.attention.forward(self.attention_norm.forward(tokens.clone()), hidden);
         let tokens = tokens + self.dropout.forward(seen);
-        let inner = leaky_relu(dense(&self.wide, self.dense_norm.forward(tokens.clone())), LEAK);
+        let inner = leaky(dense(&self.wide, self.dense_norm.forward(tokens.clone())));
         tokens + self.dropout.forward(dense(&self.narrow, inner))
     }
 }
@@ -166,7 +166,7 @@ impl Convolutions {
             let wide = Tensor::cat(vec![edge.clone(), here.clone(), edge.clone()], 1);
             let (before, after) = (wide.clone().narrow(1, 0, length), wide.narrow(1, 2, length));
             let inner = dense(&layer.three, Tensor::cat(vec![before, here, after], 2));
-            tokens = tokens + layer.dropout.forward(dense(&layer.narrow, leaky_relu(inner, LEAK)));
+            tokens = tokens + layer.dropout.forward(dense(&layer.narrow, leaky(inner)));
         }
         self.norm.forward(tokens)
     }

@@ -7,7 +7,8 @@ use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 use serde::{Deserialize, Serialize};
 
-use crate::sample::{Frames, MAPS, READ_CHANNELS, SCALARS, Sample, scalar};
+use super::Material;
+use crate::sample::{Frames, MAPS, READ_CHANNELS, SCALARS, Sample, read, scalar};
 
 /// How much is done.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
@@ -23,8 +24,8 @@ pub struct Augment {
     pub frame: f64,
     /// Rows of range by which the maps may be shifted, at most, as if the person stood elsewhere.
     pub shift: usize,
-    /// Chance that all is mirrored left to right.
-    pub mirror: f64,
+    /// Chance that all is played backwards: what was opened is closed.
+    pub reverse: f64,
     /// Codes of noise in maps, at most.
     pub noise: u8,
     /// Chance that the target's name is that of another thing that is handled the same way.
@@ -33,32 +34,29 @@ pub struct Augment {
 
 impl Default for Augment {
     fn default() -> Self {
-        Self { crop: 4, antenna: 0.1, map: 0.05, frame: 0.02, shift: 2, mirror: 0.5, noise: 6, rename: 0.3 }
+        Self { crop: 4, antenna: 0.05, map: 0.05, frame: 0.02, shift: 2, reverse: 0.5, noise: 6, rename: 0.3 }
     }
 }
 
 impl Augment {
     /// Nothing.
     pub const NONE: Self =
-        Self { crop: 0, antenna: 0.0, map: 0.0, frame: 0.0, shift: 0, mirror: 0.0, noise: 0, rename: 0.0 };
+        Self { crop: 0, antenna: 0.0, map: 0.0, frame: 0.0, shift: 0, reverse: 0.0, noise: 0, rename: 0.0 };
 
-    /// A changed copy; `interchangeable` are objects and the actions for which one may stand for another.
-    pub(super) fn apply(
-        &self,
-        sample: &Sample,
-        interchangeable: (&[usize], &[usize]),
-        rng: &mut ChaCha8Rng,
-    ) -> Sample {
+    /// A changed copy; what may be changed, `material` says.
+    pub(super) fn apply(&self, sample: &Sample, material: &Material<'_>, rng: &mut ChaCha8Rng) -> Sample {
         let frames = &sample.frames;
         let kept = self.crop(frames.len(), rng);
         let mut changed = Sample { frames: frames.part(kept), ..sample.clone() };
         let points = frames.points;
         let most = self.shift as i64;
         let shift = rng.random_range(-most..=most) as isize;
-        let mirror = rng.random_bool(self.mirror);
-        self.maps(&mut changed.frames.maps, points, shift, mirror, rng);
+        self.maps(&mut changed.frames.maps, points, shift, rng);
         self.losses(&mut changed.frames, rng);
-        self.rename(&mut changed, interchangeable, rng);
+        if rng.random_bool(self.reverse) {
+            reverse(&mut changed, material.reversed);
+        }
+        self.rename(&mut changed, material.interchangeable, rng);
         changed
     }
 
@@ -67,14 +65,11 @@ impl Augment {
         rng.random_range(0..=most)..frames - rng.random_range(0..=most)
     }
 
-    fn maps(&self, maps: &mut [u8], points: usize, shift: isize, mirror: bool, rng: &mut ChaCha8Rng) {
+    fn maps(&self, maps: &mut [u8], points: usize, shift: isize, rng: &mut ChaCha8Rng) {
         let size = points * points;
         let mut row = vec![0u8; size];
         for (number, map) in maps.chunks_exact_mut(size).enumerate() {
             let angle = number % MAPS == MAPS - 1;
-            if angle && mirror {
-                map.chunks_exact_mut(points).for_each(<[u8]>::reverse);
-            }
             if !angle && shift != 0 {
                 row.copy_from_slice(map);
                 for (to, out) in map.chunks_exact_mut(points).enumerate() {
@@ -135,5 +130,64 @@ impl Augment {
             *other = old;
         }
         sample.objects[target] = new;
+    }
+}
+
+/// Plays a sample backwards, where the vocabulary says what each action is then: velocities and turns change their signs.
+fn reverse(sample: &mut Sample, reversed: &[usize]) {
+    let action = match sample.action {
+        Some(action) => match reversed.get(action) {
+            Some(&action) => Some(action),
+            None => return,
+        },
+        None => None,
+    };
+    let frames = &sample.frames;
+    let mut backwards = Frames::new(frames.points, frames.tags, frames.antennas);
+    (0..frames.len()).rev().for_each(|number| backwards.push(frames.frame(number)));
+    let rows = backwards.maps.chunks_exact_mut(frames.points).enumerate();
+    for (number, row) in rows {
+        // Columns are times in a frame, then velocities; an angle stays.
+        if number / frames.points % MAPS < 2 {
+            row.reverse();
+        }
+    }
+    for read in backwards.reads.chunks_exact_mut(READ_CHANNELS) {
+        read[read::DIFFERENCE] *= -1.0;
+        read[read::TURN] *= -1.0;
+    }
+    sample.frames = backwards;
+    sample.action = action;
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::sample::Frame;
+
+    #[test]
+    fn backwards_twice_is_forwards() {
+        let points = 4;
+        let mut frames = Frames::new(points, 1, 1);
+        for number in 0..3u8 {
+            let maps: Vec<u8> = (0..48).map(|cell| 50 * number + cell).collect();
+            let mut reads = [0.0; READ_CHANNELS];
+            (reads[read::DIFFERENCE], reads[read::TURN], reads[read::TURN + 1]) = (0.5, 0.6, 0.8);
+            let scalars = [f32::from(number); SCALARS];
+            frames.push(Frame { maps: &maps, scalars: &scalars, reads: &reads, covariance: &[] });
+        }
+        let sample = Sample { frames, objects: vec![0], action: Some(1), target: Some(0), pose: None };
+        let mut changed = sample.clone();
+        reverse(&mut changed, &[1, 0]);
+        let (first, last) = (changed.frames.frame(0), sample.frames.frame(2));
+        assert_eq!(changed.action, Some(0));
+        assert_eq!(first.maps[..4], [last.maps[3], last.maps[2], last.maps[1], last.maps[0]]);
+        assert_eq!(first.maps[32..], last.maps[32..]);
+        assert_eq!(first.reads[..3], [-0.5, 0.0, -0.6]);
+        reverse(&mut changed, &[1, 0]);
+        assert_eq!(changed, sample);
+        // An action of which nobody knows what it is backwards.
+        reverse(&mut changed, &[]);
+        assert_eq!(changed, sample);
     }
 }

@@ -8,9 +8,8 @@ use burn::store::ModuleRecord;
 use burn::tensor::{Bytes, Device};
 use serde::{Deserialize, Serialize};
 
-use super::{Epoch, Folder, Recipe};
+use super::{Epoch, Folder, Learner, Recipe};
 use crate::model::{Description, Model, ModelError};
-use crate::network::Network;
 
 const STATE: &str = "state.json";
 const BEST: &str = "best.safetensors";
@@ -52,7 +51,7 @@ pub enum CheckpointError {
 
 /// A run to go on with.
 pub(super) struct Kept {
-    pub(super) network: ModuleRecord,
+    pub(super) learner: ModuleRecord,
     pub(super) optimiser: OptimizerRecord,
     pub(super) state: State,
 }
@@ -133,7 +132,7 @@ pub(super) fn load(
     let record = ModuleRecord::from_bytes(bytes(&network)?).map_err(damaged(&network))?;
     let kept = OptimizerRecord::from_bytes(bytes(&optimiser)?).map_err(damaged(&optimiser))?;
     let _ = device;
-    Ok(Some(Kept { network: record, optimiser: kept, state }))
+    Ok(Some(Kept { learner: record, optimiser: kept, state }))
 }
 
 pub(super) fn best(Folder(folder): &Folder) -> Result<Model, CheckpointError> {
@@ -145,7 +144,7 @@ pub(super) fn best(Folder(folder): &Folder) -> Result<Model, CheckpointError> {
 #[allow(clippy::too_many_arguments, reason = "all that a run is")]
 pub(super) fn save(
     Folder(folder): &Folder,
-    network: &Network,
+    learner: &Learner,
     optimiser: &ModuleOptimizer,
     state: &State,
     best: Option<&Model>,
@@ -156,7 +155,7 @@ pub(super) fn save(
     std::fs::create_dir_all(folder).map_err(file(folder))?;
     let epoch = state.history.len();
     let [network_path, optimiser_path] = names(epoch).map(|name| folder.join(name));
-    let record = network.clone().into_record().into_bytes().map_err(damaged(&network_path))?;
+    let record = learner.clone().into_record().into_bytes().map_err(damaged(&network_path))?;
     write(&network_path, &record)?;
     write(&optimiser_path, &optimiser.into_bytes().map_err(damaged(&optimiser_path))?)?;
     if let (Some(best), Some(number)) = (best, state.best)

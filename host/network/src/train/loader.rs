@@ -73,12 +73,12 @@ impl Loader<'_> {
     }
 
     fn step(&self, epoch: u32, number: usize, places: &[usize]) -> Result<Step, TrainError> {
-        let Material { samples, names, interchangeable, .. } = self.material;
+        let Material { samples, names, .. } = self.material;
         let mut rng = ChaCha8Rng::seed_from_u64(self.recipe.seed);
         rng.set_stream(1 << 63 | u64::from(epoch) << 32 | number as u64);
         let changed: Vec<Sample> = places
             .iter()
-            .map(|&place| self.recipe.augment.apply(samples[place], interchangeable, &mut rng))
+            .map(|&place| self.recipe.augment.apply(samples[place], &self.material, &mut rng))
             .collect();
         let part: Vec<_> = changed
             .iter()
@@ -87,6 +87,7 @@ impl Loader<'_> {
         let labels = Labels {
             actions: changed.iter().map(|s| s.action.unwrap_or(ACTIONS - 1)).collect(),
             targets: changed.iter().map(|s| s.target).collect(),
+            poses: changed.iter().map(|s| s.pose).collect(),
         };
         Ok(Step { batch: Batch::new(self.config, &part, self.device)?, labels })
     }

@@ -15,6 +15,7 @@ use std::path::PathBuf;
 
 use burn::grad_clipping::GradientClippingConfig;
 use burn::module::Module;
+use burn::nn::{Linear, LinearConfig};
 use burn::optim::{AdamWConfig, GradientsParams};
 use burn::tensor::activation::log_softmax;
 use burn::tensor::{Device, Int, Tensor, TensorData};
@@ -27,7 +28,7 @@ use crate::config::{ConfigError, NetworkConfig};
 use crate::metrics::Metrics;
 use crate::model::{Description, Model, ModelError};
 use crate::network::{ACTIONS, Batch, BatchError, NameVectors, Network, Output};
-use crate::sample::{Answer, Sample};
+use crate::sample::{Answer, Pose, Sample};
 use loader::{Loader, Step};
 
 /// Norm to which a parameter's gradient is clipped.
@@ -53,6 +54,9 @@ pub struct Recipe {
     pub target_weight: f64,
     /// Share of a label that is spread over all classes.
     pub smoothing: f64,
+    /// Weight of the loss of where the person is and looks, which the radar's features have to tell beside; 0 is without.
+    /// Which way something moves is worth little as long as the network does not know which way the person looks.
+    pub pose_weight: f64,
     /// What is done to samples.
     pub augment: Augment,
     /// Seed of weights, order, augmentation and dropout.
@@ -70,6 +74,7 @@ impl Recipe {
             weight_decay: 1e-2,
             target_weight: 0.5,
             smoothing: 0.05,
+            pose_weight: 0.5,
             augment: Augment::default(),
             seed,
         }
@@ -93,6 +98,8 @@ pub struct Material<'a> {
     /// Numbers of objects of which one may stand for another where the action is the same for both (algorithm 1 of the
     /// paper), and the actions of which that holds.
     pub interchangeable: (&'a [usize], &'a [usize]),
+    /// What each action is when it is played backwards; empty where nobody knows.
+    pub reversed: &'a [usize],
 }
 
 /// One epoch.
@@ -188,10 +195,11 @@ pub fn train(
     let device = device();
     let config = &description.config;
     device.seed(recipe.seed);
-    let mut network = match from {
+    let network = match from {
         Some(model) => model.network(&device)?.train(),
         None => Network::new(config, &device)?,
     };
+    let mut learner = Learner::new(network, config, recipe, &device);
     let mut optimiser = AdamWConfig::new()
         .with_weight_decay(recipe.weight_decay as f32)
         .with_grad_clipping(Some(GradientClippingConfig::Norm(CLIP)))
@@ -200,7 +208,7 @@ pub fn train(
     if let Some(folder) = folder {
         let kept = checkpoint::load(folder, description, from, recipe, &device)?;
         if let Some(kept) = kept {
-            network = network.load_record(kept.network);
+            learner = learner.load_record(kept.learner);
             optimiser = optimiser.load_record(kept.optimiser);
             state = kept.state;
         }
@@ -219,17 +227,17 @@ pub fn train(
         let loader = Loader { config, recipe, material, device: &device };
         let stopped = loader.each(epoch, |number, step| {
             let Step { batch, labels } = step;
-            let out = network.forward(&batch);
+            let (out, pose) = learner.forward(&batch);
             hits += hits_of(&out, &labels);
-            let loss = loss(&out, &labels, recipe, &device);
+            let loss = loss(&out, pose, &labels, recipe, &device);
             let value: f64 = loss.clone().into_scalar::<f32>().into();
             if !value.is_finite() {
                 let rate = recipe.rate(epoch, number, batches);
                 return Err(TrainError::Diverged { epoch, rate });
             }
-            let gradients = GradientsParams::from_grads(loss.backward(), &network);
+            let gradients = GradientsParams::from_grads(loss.backward(), &learner);
             let rate = recipe.rate(epoch, number, batches);
-            network = optimiser.step(rate, network.clone(), gradients);
+            learner = optimiser.step(rate, learner.clone(), gradients);
             losses += value;
             Ok(watch.batch(epoch, number, batches, value))
         })?;
@@ -239,7 +247,7 @@ pub fn train(
         let validation = match material.validation {
             [] => None,
             validation => {
-                let answers = answers(&network, config, validation, material.names)?;
+                let answers = answers(&learner.network, config, validation, material.names)?;
                 Some(validated(&answers, validation, recipe))
             }
         };
@@ -254,10 +262,10 @@ pub fn train(
         if state.take(entry) {
             let mut description = description.clone();
             description.provenance = serde_json::Value::Null;
-            best = Some(Model::of(&network.valid(), description));
+            best = Some(Model::of(&learner.network.valid(), description));
         }
         if let Some(folder) = folder {
-            checkpoint::save(folder, &network, &optimiser, &state, best.as_ref(), recipe, from, description)?;
+            checkpoint::save(folder, &learner, &optimiser, &state, best.as_ref(), recipe, from, description)?;
         }
     }
     let mut model = best.ok_or(TrainError::NoSamples)?;
@@ -283,10 +291,17 @@ pub(crate) struct Labels {
     /// Number of the action, the last for none.
     pub(crate) actions: Vec<usize>,
     pub(crate) targets: Vec<Option<usize>>,
+    pub(crate) poses: Vec<Option<Pose>>,
 }
 
-/// Cross-entropy of both heads; samples without a target teach only the action.
-fn loss(out: &Output, labels: &Labels, recipe: &Recipe, device: &Device) -> Tensor<1> {
+/// Cross-entropy of both heads, and the error of the pose; samples without a target or a pose do not teach these.
+fn loss(
+    out: &Output,
+    pose: Option<Tensor<2>>,
+    labels: &Labels,
+    recipe: &Recipe,
+    device: &Device,
+) -> Tensor<1> {
     let [samples, tags] = out.targets.dims();
     let action = cross_entropy(out.actions.clone(), &labels.actions, recipe.smoothing, device).mean();
     let targets: Vec<usize> = labels.targets.iter().map(|target| target.unwrap_or(0).min(tags - 1)).collect();
@@ -295,7 +310,55 @@ fn loss(out: &Output, labels: &Labels, recipe: &Recipe, device: &Device) -> Tens
     let there = Tensor::<1>::from_data(TensorData::new(there, [samples]), device);
     // Spreading a label over tags that are not there would push their scores up.
     let target = cross_entropy(out.targets.clone(), &targets, 0.0, device) * there;
-    action + target.sum().mul_scalar(recipe.target_weight / f64::from(count))
+    let heads = action + target.sum().mul_scalar(recipe.target_weight / f64::from(count));
+    match pose {
+        Some(pose) => heads + pose_error(pose, &labels.poses, device).mul_scalar(recipe.pose_weight),
+        None => heads,
+    }
+}
+
+/// Mean over the samples with a pose of the squared error, `[1]`.
+fn pose_error(told: Tensor<2>, poses: &[Option<Pose>], device: &Device) -> Tensor<1> {
+    let wanted: Vec<f32> = poses.iter().flat_map(|pose| pose.unwrap_or_default().values()).collect();
+    let there: Vec<f32> = poses.iter().map(|pose| f32::from(u8::from(pose.is_some()))).collect();
+    let count = there.iter().sum::<f32>().max(1.0);
+    let wanted = Tensor::<2>::from_data(TensorData::new(wanted, [poses.len(), POSE]), device);
+    let there = Tensor::<2>::from_data(TensorData::new(there, [poses.len(), 1]), device);
+    let off = (told - wanted) * there;
+    (off.clone() * off).sum().div_scalar(count)
+}
+
+/// Values of a pose.
+const POSE: usize = 4;
+
+impl Pose {
+    /// Sine and cosine of where the person looks, of the bearing, and the distance: none far from 0 or larger than 2.
+    fn values(self) -> [f32; POSE] {
+        let Self { distance_m, bearing_deg, facing_deg } = self;
+        let (sine, cosine) = facing_deg.to_radians().sin_cos();
+        [sine, cosine, 2.0 * bearing_deg.to_radians().sin(), distance_m - 2.0]
+    }
+}
+
+/// The network, and what it tells only while it learns.
+#[derive(Module, Debug)]
+pub(crate) struct Learner {
+    network: Network,
+    pose: Option<Linear>,
+}
+
+impl Learner {
+    fn new(network: Network, config: &NetworkConfig, recipe: &Recipe, device: &Device) -> Self {
+        let told = recipe.pose_weight > 0.0 && config.fusion.has_radar();
+        Self { network, pose: told.then(|| LinearConfig::new(config.radar.width, POSE).init(device)) }
+    }
+
+    /// Scores, and the pose `[B, POSE]`.
+    fn forward(&self, batch: &Batch) -> (Output, Option<Tensor<2>>) {
+        let (out, radar) = self.network.forward_with_radar(batch);
+        let pose = self.pose.as_ref().zip(radar).map(|(pose, radar)| pose.forward(radar));
+        (out, pose)
+    }
 }
 
 fn cross_entropy(scores: Tensor<2>, labels: &[usize], smoothing: f64, device: &Device) -> Tensor<1> {

@@ -29,6 +29,7 @@ pub fn config(fusion: Fusion) -> NetworkConfig {
         antennas: ANTENNAS,
         name_dimensions: NAMES,
         encoder: Encoder::Convolutions { channels: [2, 3], strides: [2, 1], pool: 2 },
+        beams: None,
         radar: branch(16, 1),
         tags: branch(12, 2),
         fusion,
@@ -68,7 +69,8 @@ pub fn sample(seed: u64, frames: usize, tags: usize) -> Sample {
         made.push(Frame { maps: &maps, scalars: &scalars, reads: &reads, covariance: &[] });
     }
     let objects = (0..tags).map(|tag| tag % 6).collect();
-    Sample { frames: made, objects, action: Some(action), target: (tags > 0).then_some(target) }
+    let target = (tags > 0).then_some(target);
+    Sample { frames: made, objects, action: Some(action), target, pose: None }
 }
 
 pub fn vectors(sample: &Sample) -> Vec<f32> {

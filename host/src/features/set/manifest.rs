@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use rfhoi_network::sample::{Frames, Sample};
+use rfhoi_network::sample::{Frames, Pose, Sample};
 use rfhoi_shared::config::{Processing, RadarConfig, RadarInput};
 use rfhoi_shared::fnv;
 use rfhoi_shared::radar::{RadarProfile, RangeGate};
@@ -210,7 +210,9 @@ impl Entry {
     /// The sample in which `frames` were measured.
     pub(super) fn label(&self, frames: Frames, interaction_s: [f32; 2]) -> (Sample, Setup) {
         let Self { objects, action, target, setup } = self;
-        let sample = Sample { frames, objects: objects.clone(), action: *action, target: *target };
+        let Setup { distance_m, bearing_deg, facing_deg, .. } = *setup;
+        let pose = Some(Pose { distance_m, bearing_deg, facing_deg });
+        let sample = Sample { frames, objects: objects.clone(), action: *action, target: *target, pose };
         (sample, Setup { interaction_s, ..*setup })
     }
 }
