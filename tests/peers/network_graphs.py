@@ -11,6 +11,8 @@ from onnx import TensorProto, helper, numpy_helper
 
 ACTIONS, SCALARS, READ_CHANNELS, MAPS = 8, 6, 6, 3
 LEAK, EPSILON = 0.01, 1e-5
+# Place of the sine of a turn in a read; what a net turn is made of, and how large it is at most.
+SINE, TURN_CHANNELS, MOST_TURNS = 2, 2, 8
 # With layer normalisation; the newest IR that goes with it.
 OPSET, IR_VERSION, MICROSOFT = 17, 8, "com.microsoft"
 
@@ -92,6 +94,10 @@ class Case:
         slots = np.zeros((self.count, groups * stack, config["antennas"], READ_CHANNELS), np.float32)
         slots[:, : self.frames, :taken] = reads[:, :, :taken].transpose(1, 0, 2, 3)
         self.reads = slots.reshape(self.count, groups, -1)
+        # Net turns: of sure differences, and of turns between neighbours; half turns.
+        turns = np.arctan2(slots[..., SINE], slots[..., SINE + 1]) / np.pi
+        sums = np.stack([slots[..., 0].sum(1), turns.sum(1)], -1).clip(-MOST_TURNS, MOST_TURNS)
+        self.turns = sums.reshape(self.count, -1).astype(np.float32)
         self.want = {"actions": arrays["actions"], "targets": arrays["targets"]}
 
     def frame(self, number):
@@ -99,7 +105,8 @@ class Case:
 
     def window(self, model, tokens):
         feeds = {"tokens": tokens} if model.has_radar else {}
-        return feeds | ({"reads": self.reads, "names": self.names} if model.has_tags else {})
+        tags = {"reads": self.reads, "turns": self.turns, "names": self.names}
+        return feeds | (tags if model.has_tags else {})
 
 
 # Graphs
@@ -209,7 +216,8 @@ def encoder_graph(model, form):
         each = g("Split", maps, outputs=used, axis=1)
         features = [encode(codes, [number]) for number, codes in enumerate(each)]
     joined = g("Concat", *features, scalars, axis=1)
-    token = g.dense(g.leaky(first_dense(joined)), "radar.encoder.second")
+    inner = g.leaky(g.norm(first_dense(joined), "radar.encoder.first_norm"))
+    token = g.norm(g.dense(inner, "radar.encoder.second"), "radar.encoder.second_norm")
     g.output("token", token, [1, model.radar["width"]])
     return g.finish("encoder")
 
@@ -273,12 +281,13 @@ def tag_branch(g, model, reads_shape, form):
     width, dimensions = model.tags["width"], model.config["name_dimensions"]
     count, groups, features = reads_shape
     reads = g.input("reads", TensorProto.FLOAT, [count, groups, features])
+    turns = g.input("turns", TensorProto.FLOAT, [count, model.config["antennas"] * TURN_CHANNELS])
     names = g.input("names", TensorProto.FLOAT, [count, dimensions])
     tokens = g.dense(g.reshape(reads, count * groups, features), "tags.encoder")
     tokens = g.leaky(g.norm(tokens, "tags.norm"))
     tokens = transformer(g, tokens, count, groups, model.tags, "tags", form)
-    both = g("Concat", pooled(g, tokens, count, groups, width), g.dense(names, "tags.names"), axis=1)
-    return g.leaky(g.dense(both, "tags.join"))
+    moved = pooled(g, tokens, count, groups, width)
+    return g.leaky(g.dense(g("Concat", moved, g.dense(names, "tags.names"), turns, axis=1), "tags.join"))
 
 
 def rest_graph(model, case, form):

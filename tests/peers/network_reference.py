@@ -50,8 +50,9 @@ def token_of(w, config, maps, scalars):
         x = leaky_of(convolution_of(w, f"{name}.Convolutions.second", x, shape["strides"][1]))
         channels, side, _ = x.shape
         features.append(x.reshape(channels, side // pool, pool, side // pool, pool).max((2, 4)).ravel())
-    joined = np.concatenate([*features, scalars])
-    return dense_of(w, "radar.encoder.second", leaky_of(dense_of(w, "radar.encoder.first", joined)))
+    inner = dense_of(w, "radar.encoder.first", np.concatenate([*features, scalars]))
+    inner = leaky_of(norm_of(w, "radar.encoder.first_norm", inner))
+    return norm_of(w, "radar.encoder.second_norm", dense_of(w, "radar.encoder.second", inner))
 
 
 def sequence_of(w, name, branch, x):
@@ -95,8 +96,13 @@ def answer_of(w, config, case):
                         token[slot, antenna] = read
                 tokens.append(leaky_of(norm_of(w, "tags.norm", dense_of(w, "tags.encoder", token.ravel()))))
             moved = sequence_of(w, "tags", config["tags"], np.array(tokens))
-            both = np.concatenate([moved, dense_of(w, "tags.names", case["names"][tag])])
-            tags.append(leaky_of(dense_of(w, "tags.join", both)))
+            turns = np.zeros((antennas, 2))
+            for antenna in range(min(antennas, case["reads"].shape[2])):
+                for read in case["reads"][:, tag, antenna]:
+                    turns[antenna] += read[0], np.arctan2(read[2], read[3]) / np.pi
+            named = dense_of(w, "tags.names", case["names"][tag])
+            known = np.concatenate([moved, named, turns.clip(-8, 8).ravel()])
+            tags.append(leaky_of(dense_of(w, "tags.join", known)))
     joined = fusion == "concat"
     evidence = [np.concatenate([*([tags[t]] if tags else []), *([radar] if joined or not tags else [])]) for t in range(count)]
     targets = softmax_of(np.array([head("target", e)[0] for e in evidence]))
@@ -147,7 +153,9 @@ def random_weights(config, random):
             layer(f"{at}.Convolutions.first", (first, 1, 3, 3), 9)
             layer(f"{at}.Convolutions.second", (channels, first, 3, 3), 9 * first)
         dense("radar.encoder.first", sum(config["maps"]) * channels * side * side + SCALARS, radar["width"])
+        norm("radar.encoder.first_norm", radar["width"])
         dense("radar.encoder.second", radar["width"], radar["width"])
+        norm("radar.encoder.second_norm", radar["width"])
         if radar["stack"] > 1:
             dense("radar.stack", radar["stack"] * radar["width"], radar["width"])
         sequence("radar", radar)
@@ -156,7 +164,7 @@ def random_weights(config, random):
         norm("tags.norm", tags["width"])
         sequence("tags", tags)
         dense("tags.names", config["name_dimensions"], tags["width"])
-        dense("tags.join", 2 * tags["width"], tags["width"])
+        dense("tags.join", 2 * tags["width"] + 2 * config["antennas"], tags["width"])
     a, b = radar["width"], tags["width"]
     widths = {"concat": (a + 2 * b, a + b), "none": (a, b), "rfid": (2 * b, b), "radar": (a, a)}[fusion]
     inner = a if fusion != "rfid" else b

@@ -4,7 +4,7 @@ mod common;
 
 use common::{config, farthest, names, run, sample, vectors};
 use rfhoi_int8::{Kernels, Level};
-use rfhoi_network::config::{Fusion, Temporal};
+use rfhoi_network::config::{Encoder, Fusion, NetworkConfig, Temporal};
 use rfhoi_network::execute::{ExecuteError, Executor, quantize};
 use rfhoi_network::model::{Model, ModelError, Precision};
 use rfhoi_network::reference::Reference;
@@ -20,6 +20,12 @@ fn samples() -> Vec<Sample> {
 
 const FUSIONS: [Fusion; 4] = [Fusion::Concat, Fusion::None, Fusion::Rfid, Fusion::Radar];
 
+/// The same with maps cut into squares.
+fn patched(model: &Model) -> Model {
+    let encoder = Encoder::Patches { size: 2, channels: 3 };
+    Model::untrained(NetworkConfig { encoder, ..model.description.config.clone() }, 5).unwrap()
+}
+
 #[test]
 fn in_f32_it_is_the_network() {
     for fusion in FUSIONS {
@@ -28,7 +34,7 @@ fn in_f32_it_is_the_network() {
             if stack == 2 && fusion.has_radar() {
                 let mut config = model.description.config.clone();
                 config.radar.stack = 2;
-                model = Model::untrained(config, 5).unwrap();
+                model = patched(&Model::untrained(config, 5).unwrap());
             }
             let mut burn = Reference::new(&model).unwrap();
             let mut ours = Executor::new(&model, Kernels::best()).unwrap();
@@ -43,14 +49,16 @@ fn in_f32_it_is_the_network() {
 
 #[test]
 fn int8_is_close_to_f32_and_the_same_on_every_processor() {
-    for fusion in FUSIONS {
-        let model = model(fusion);
+    let models = FUSIONS.map(model);
+    let patched = models.each_ref().map(patched);
+    for model in models.iter().chain(&patched) {
+        let fusion = model.description.config.fusion;
         let samples = samples();
-        let int8 = quantize(&model, &samples.iter().collect::<Vec<_>>(), &names()).unwrap();
+        let int8 = quantize(model, &samples.iter().collect::<Vec<_>>(), &names()).unwrap();
         assert_eq!(int8.description.precision, Precision::Int8);
         // Through a file, as it ships.
         let int8 = Model::from_bytes(&int8.to_bytes().unwrap()).unwrap();
-        let mut burn = Reference::new(&model).unwrap();
+        let mut burn = Reference::new(model).unwrap();
         let mut plain = Executor::new(&int8, Kernels::new(Level::Plain).unwrap()).unwrap();
         let mut others: Vec<Executor> = Level::ALL
             .iter()

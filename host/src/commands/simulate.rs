@@ -47,7 +47,7 @@ pub(super) struct Simulate {
     /// Effects to leave out, by name (`--effects` lists them).
     #[arg(long, value_name = "EFFECT", value_delimiter = ',', conflicts_with_all = ["effects", "costs"])]
     without: Vec<String>,
-    /// Effects to add to those of the domain.
+    /// Effects to add to those of the domain; `all` for all.
     #[arg(long, value_name = "EFFECT", value_delimiter = ',', conflicts_with_all = ["effects", "costs"])]
     with: Vec<String>,
     #[command(flatten)]
@@ -248,6 +248,10 @@ impl Simulate {
         let mut effects = Effects::of(self.domain());
         let switched = self.without.iter().map(|n| (n, false)).chain(self.with.iter().map(|n| (n, true)));
         for (name, on) in switched {
+            if on && name == "all" {
+                effects = Effects::of(Domain::Site);
+                continue;
+            }
             let known = || Effects::ALL.iter().map(|(name, _)| *name).collect::<Vec<_>>().join(", ");
             *effects.switch(name).with_context(|| format!("no effect is called `{name}`: {}", known()))? = on;
         }

@@ -5,9 +5,10 @@ use std::rc::Rc;
 use rfhoi_firmware::dsp::level::SCALE;
 use rfhoi_firmware::uplink::{MapPacker, Uplink};
 use rfhoi_network::config::NetworkConfig;
-use rfhoi_network::model::Description;
+use rfhoi_network::execute::quantize;
+use rfhoi_network::model::{Description, Model};
 use rfhoi_network::names::Names;
-use rfhoi_network::sample::{Answer, Frame, InputError, Runner};
+use rfhoi_network::sample::{Answer, Frame, Frames, InputError, READ_CHANNELS, Runner, SCALARS, Sample};
 use rfhoi_shared::radar::RadarProfile;
 use rfhoi_shared::tag::{Epc, TagRead};
 use rfhoi_shared::units::{AntennaPort, BridgeTime, CentiDbm, ChannelIndex, PhaseCode};
@@ -60,7 +61,7 @@ struct Sure {
 
 impl Runner for Sure {
     fn push(&mut self, frame: Frame<'_>) -> Result<(), InputError> {
-        let tags = frame.reads.len() / (4 * rfhoi_network::sample::READ_CHANNELS);
+        let tags = frame.reads.len() / (4 * READ_CHANNELS);
         assert_eq!(*self.tags.get_or_insert(tags), tags, "the number of tags stays");
         assert_eq!(frame.maps.len(), 3 * 32 * 32);
         assert!(frame.scalars.iter().chain(frame.reads).all(|value| value.is_finite()));
@@ -439,4 +440,60 @@ fn what_is_kept_does_not_grow() {
     assert_eq!(asked.borrow().answers.len(), 29);
     assert!(recognizer.window.numbers().len() <= recognizer.segmenter.reach());
     assert!(asked.borrow().frames < 3_000 + 200, "each frame once");
+}
+
+/// Networks of random weights, f32 and int8.
+fn untrained() -> [Model; 2] {
+    let mut model = Model::untrained(description().config, 3).unwrap();
+    model.description = Description { least_probability: 0.0, ..description() };
+    let names = names();
+    let mut frames = Frames::new(32, 2, 4);
+    for number in 0..20_u8 {
+        let maps: Vec<u8> = (0..3 * 32 * 32).map(|cell| (cell as u8).wrapping_mul(number)).collect();
+        let reads = vec![f32::from(number) / 20.0; 2 * 4 * READ_CHANNELS];
+        frames.push(Frame { maps: &maps, scalars: &[0.5; SCALARS], reads: &reads, covariance: &[] });
+    }
+    let sample = Sample { frames, objects: vec![0, 1], action: Some(0), target: Some(0), pose: None };
+    let vectors = [0, 1].map(|place| names.vector(place).to_vec());
+    let int8 = quantize(&model, &[&sample], &vectors).unwrap();
+    [model, int8]
+}
+
+#[test]
+fn a_network_that_always_tells_tells_nothing_of_nothing() {
+    let nothing = || {
+        [
+            Room { tags: 0..0, ..Room::new() },
+            Room { codes: [0, 0], ..Room::new() },
+            Room { codes: [0, 0], covariance: f32::NAN, ..Room::new() },
+        ]
+    };
+    let something = || {
+        [
+            Room::new(),
+            Room { tags: 1..2, ..Room::new() },
+            Room { tags: 1..31, ..Room::new() },
+            Room { antennas: 1..4, ..Room::new() },
+            Room { covariance: f32::NAN, ..Room::new() },
+        ]
+    };
+    for model in untrained() {
+        let told = |room: Room, moving: usize| {
+            let room = room.frames(20, 0, 0).frames(moving, 20, 300).frames(20, 0, 0);
+            let mut recognizer = Recognizer::new(&model, &names(), settings()).unwrap();
+            run(&mut recognizer, &room.packets)
+        };
+        for room in nothing() {
+            let told = told(room, 30);
+            assert!(matches!(told[..], [Recognition { outcome: Outcome::CannotTell { guess: None, .. }, .. }]), "{told:?}");
+        }
+        for room in something() {
+            let told = told(room, 30);
+            let [Recognition { outcome: Outcome::Tuple(_) | Outcome::Nothing { .. }, .. }] = told[..] else {
+                panic!("{told:?}")
+            };
+        }
+        assert!(told(Room::new(), 600).len() >= 8);
+        assert_eq!(told(Room::new(), 1), []);
+    }
 }

@@ -67,7 +67,7 @@ impl Recipe {
     /// From nothing.
     pub fn pre_training(seed: u64) -> Self {
         Self {
-            epochs: 6,
+            epochs: 10,
             patience: 0,
             batch: 32,
             learning_rate: 2e-3,
@@ -82,7 +82,7 @@ impl Recipe {
 
     /// From a network that is trained, on few samples.
     pub fn fine_tuning(seed: u64) -> Self {
-        Self { epochs: 10, batch: 16, learning_rate: 5e-4, ..Self::pre_training(seed) }
+        Self { epochs: 20, batch: 16, learning_rate: 5e-4, ..Self::pre_training(seed) }
     }
 }
 
