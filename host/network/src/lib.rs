@@ -3,7 +3,8 @@
 //! ```text
 //! frame --maps, scalars--> [map encoders] --> radar token --+--(all frames)--> [temporal] --> pool --+
 //!       --reads, by tag--> [phase encoder] -> tag token ----+--(all frames)--> [temporal] --> pool --+--> [fusion] --> action
-//! names -----------------> [name projection] ------------------------------------------------------ +             +--> target
+//!       --reads, by tag--> net turn of each tag over all frames --------------------------------------+             +--> target
+//! names -----------------> [name projection] -------------------------------------------------------+
 //! ```
 //!
 //! * [`sample`]: what goes in and comes out, by shape and unit.

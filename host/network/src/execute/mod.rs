@@ -1,9 +1,9 @@
 //! The network without Burn: int8 with kernels of our own, a frame at a time.
 //!
 //! ```text
-//! push(frame):   maps u8 --[conv, conv, pool]--> u8 --[dense, dense]--> radar token, kept
-//! answer(range): radar tokens --[transformer]--> mean --+
-//!                reads --[phase encoder, transformer]--> mean, with names --+--> heads
+//! push(frame):   maps u8 --[squares, or conv, conv, pool]--> u8 --[dense, norm; dense, norm]--> radar token, kept
+//! answer(range): radar tokens --[transformer]--> mean --------------------------------+
+//!                reads --[phase encoder, transformer]--> mean, with names and turns --+--> heads
 //! ```
 //!
 //! The same code runs in f32 while it watches which values reach each layer ([`quantize()`](crate::execute::quantize)), which is
