@@ -485,7 +485,10 @@ fn a_network_that_always_tells_tells_nothing_of_nothing() {
         };
         for room in nothing() {
             let told = told(room, 30);
-            assert!(matches!(told[..], [Recognition { outcome: Outcome::CannotTell { guess: None, .. }, .. }]), "{told:?}");
+            assert!(
+                matches!(told[..], [Recognition { outcome: Outcome::CannotTell { guess: None, .. }, .. }]),
+                "{told:?}"
+            );
         }
         for room in something() {
             let told = told(room, 30);

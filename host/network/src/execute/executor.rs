@@ -296,8 +296,12 @@ impl MapEncoder {
     fn load(model: &Model, name: &str, encoder: Encoder) -> Result<Self, ExecuteError> {
         Ok(match encoder {
             Encoder::Convolutions { strides, pool, .. } => {
-                let layer = |part, stride| Convolution::load(model, &format!("{name}.Convolutions.{part}"), stride);
-                Self::Convolutions { layers: [layer("first", strides[0])?, layer("second", strides[1])?], pool }
+                let layer =
+                    |part, stride| Convolution::load(model, &format!("{name}.Convolutions.{part}"), stride);
+                Self::Convolutions {
+                    layers: [layer("first", strides[0])?, layer("second", strides[1])?],
+                    pool,
+                }
             }
             Encoder::Patches { size, .. } => {
                 let dense = Dense::load(model, &format!("{name}.Patches.dense"), LEAK as f32, None)?;

@@ -24,6 +24,7 @@ pub(super) struct RadarEncoder {
 }
 
 #[derive(Module, Debug)]
+#[allow(clippy::large_enum_variant, reason = "three of each network")]
 pub(super) enum MapEncoder {
     Convolutions(Convolutions),
     Patches(Patches),
