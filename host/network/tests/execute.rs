@@ -30,18 +30,17 @@ fn patched(model: &Model) -> Model {
 fn in_f32_it_is_the_network() {
     for fusion in FUSIONS {
         for stack in [1, 2] {
-            let mut model = model(fusion);
-            if stack == 2 && fusion.has_radar() {
-                let mut config = model.description.config.clone();
-                config.radar.stack = 2;
-                model = patched(&Model::untrained(config, 5).unwrap());
-            }
-            let mut burn = Reference::new(&model).unwrap();
-            let mut ours = Executor::new(&model, Kernels::best()).unwrap();
-            for sample in samples() {
-                let (a, b) = (run(&mut burn, &sample), run(&mut ours, &sample));
-                let far = farthest(&a.actions, &b.actions).max(farthest(&a.targets, &b.targets));
-                assert!(far < 1e-5, "{fusion:?}: {far}");
+            let mut config = model(fusion).description.config;
+            config.radar.stack = stack;
+            let convolved = Model::untrained(config, 5).unwrap();
+            for model in [patched(&convolved), convolved] {
+                let mut burn = Reference::new(&model).unwrap();
+                let mut ours = Executor::new(&model, Kernels::best()).unwrap();
+                for sample in samples() {
+                    let (a, b) = (run(&mut burn, &sample), run(&mut ours, &sample));
+                    let far = farthest(&a.actions, &b.actions).max(farthest(&a.targets, &b.targets));
+                    assert!(far < 1e-5, "{fusion:?}: {far}");
+                }
             }
         }
     }

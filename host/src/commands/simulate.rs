@@ -245,13 +245,11 @@ impl Simulate {
     }
 
     fn effects(&self) -> anyhow::Result<Effects> {
-        let mut effects = Effects::of(self.domain());
-        let switched = self.without.iter().map(|n| (n, false)).chain(self.with.iter().map(|n| (n, true)));
-        for (name, on) in switched {
-            if on && name == "all" {
-                effects = Effects::of(Domain::Site);
-                continue;
-            }
+        let all = self.with.iter().any(|name| name == "all");
+        // The site has all effects.
+        let mut effects = Effects::of(if all { Domain::Site } else { self.domain() });
+        let with = self.with.iter().filter(|name| *name != "all").map(|name| (name, true));
+        for (name, on) in self.without.iter().map(|name| (name, false)).chain(with) {
             let known = || Effects::ALL.iter().map(|(name, _)| *name).collect::<Vec<_>>().join(", ");
             *effects.switch(name).with_context(|| format!("no effect is called `{name}`: {}", known()))? = on;
         }

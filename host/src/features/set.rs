@@ -24,7 +24,7 @@ use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
 
 use ndarray_npy::ReadNpzError;
-use rfhoi_network::sample::{Frames, Sample};
+use rfhoi_network::sample::{Frames, Pose, Sample};
 use rfhoi_shared::fnv;
 use rfhoi_shared::radar::RadarProfile;
 
@@ -124,12 +124,8 @@ pub struct Setup {
     pub scene: usize,
     /// Number of the person in the scene.
     pub person: usize,
-    /// From the radar to the person, m.
-    pub distance_m: f32,
-    /// Bearing of the person, to the right of the radar's boresight, degrees.
-    pub bearing_deg: f32,
-    /// Where the person looks, degrees; 0 is towards the radar.
-    pub facing_deg: f32,
+    /// Where the person stands and looks.
+    pub pose: Pose,
     /// The person's first and last movement, s after the first frame; 0 and 0 without an action.
     pub interaction_s: [f32; 2],
 }

@@ -5,10 +5,11 @@ use std::path::{Path, PathBuf};
 use burn::module::Module;
 use burn::optim::{ModuleOptimizer, OptimizerRecord};
 use burn::store::ModuleRecord;
-use burn::tensor::{Bytes, Device};
+use burn::tensor::Bytes;
 use serde::{Deserialize, Serialize};
 
-use super::{Epoch, Folder, Learner, Recipe};
+use super::learner::Learner;
+use super::{Epoch, Folder, Recipe};
 use crate::model::{Description, Model, ModelError};
 
 const STATE: &str = "state.json";
@@ -116,7 +117,6 @@ pub(super) fn load(
     description: &Description,
     from: Option<&Model>,
     recipe: &Recipe,
-    device: &Device,
 ) -> Result<Option<Kept>, CheckpointError> {
     let path = folder.join(STATE);
     if !path.is_file() {
@@ -131,7 +131,6 @@ pub(super) fn load(
     let bytes = |path: &Path| std::fs::read(path).map(Bytes::from_bytes_vec).map_err(file(path));
     let record = ModuleRecord::from_bytes(bytes(&network)?).map_err(damaged(&network))?;
     let kept = OptimizerRecord::from_bytes(bytes(&optimiser)?).map_err(damaged(&optimiser))?;
-    let _ = device;
     Ok(Some(Kept { learner: record, optimiser: kept, state }))
 }
 

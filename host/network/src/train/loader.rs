@@ -7,7 +7,8 @@ use rand::SeedableRng;
 use rand::seq::SliceRandom;
 use rand_chacha::ChaCha8Rng;
 
-use super::{Labels, Material, Recipe, TrainError};
+use super::learner::Labels;
+use super::{Material, Recipe, TrainError};
 use crate::config::NetworkConfig;
 use crate::network::{ACTIONS, Batch};
 use crate::sample::Sample;

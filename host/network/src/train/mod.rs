@@ -9,16 +9,15 @@
 
 mod augment;
 mod checkpoint;
+mod learner;
 mod loader;
 
 use std::path::PathBuf;
 
 use burn::grad_clipping::GradientClippingConfig;
 use burn::module::Module;
-use burn::nn::{Linear, LinearConfig};
 use burn::optim::{AdamWConfig, GradientsParams};
-use burn::tensor::activation::log_softmax;
-use burn::tensor::{Device, Int, Tensor, TensorData};
+use burn::tensor::Device;
 use serde::{Deserialize, Serialize};
 
 pub use augment::Augment;
@@ -28,7 +27,8 @@ use crate::config::{ConfigError, NetworkConfig};
 use crate::metrics::Metrics;
 use crate::model::{Description, Model, ModelError};
 use crate::network::{ACTIONS, Batch, BatchError, NameVectors, Network, Output};
-use crate::sample::{Answer, Pose, Sample};
+use crate::sample::{Answer, Sample};
+use learner::{Labels, Learner, loss};
 use loader::{Loader, Step};
 
 /// Norm to which a parameter's gradient is clipped.
@@ -206,7 +206,7 @@ pub fn train(
         .init();
     let mut state = State::default();
     if let Some(folder) = folder {
-        let kept = checkpoint::load(folder, description, from, recipe, &device)?;
+        let kept = checkpoint::load(folder, description, from, recipe)?;
         if let Some(kept) = kept {
             learner = learner.load_record(kept.learner);
             optimiser = optimiser.load_record(kept.optimiser);
@@ -283,95 +283,6 @@ impl Recipe {
         // Never to nothing, so that the last epochs still count.
         self.learning_rate * warm.min(1.0) * cosine.max(0.01)
     }
-}
-
-/// Labels of a batch, by sample.
-#[derive(Debug, Clone)]
-pub(crate) struct Labels {
-    /// Number of the action, the last for none.
-    pub(crate) actions: Vec<usize>,
-    pub(crate) targets: Vec<Option<usize>>,
-    pub(crate) poses: Vec<Option<Pose>>,
-}
-
-/// Cross-entropy of both heads, and the error of the pose; samples without a target or a pose do not teach these.
-fn loss(
-    out: &Output,
-    pose: Option<Tensor<2>>,
-    labels: &Labels,
-    recipe: &Recipe,
-    device: &Device,
-) -> Tensor<1> {
-    let [samples, tags] = out.targets.dims();
-    let action = cross_entropy(out.actions.clone(), &labels.actions, recipe.smoothing, device).mean();
-    let targets: Vec<usize> = labels.targets.iter().map(|target| target.unwrap_or(0).min(tags - 1)).collect();
-    let there: Vec<f32> = labels.targets.iter().map(|t| f32::from(u8::from(t.is_some()))).collect();
-    let count = there.iter().sum::<f32>().max(1.0);
-    let there = Tensor::<1>::from_data(TensorData::new(there, [samples]), device);
-    // Spreading a label over tags that are not there would push their scores up.
-    let target = cross_entropy(out.targets.clone(), &targets, 0.0, device) * there;
-    let heads = action + target.sum().mul_scalar(recipe.target_weight / f64::from(count));
-    match pose {
-        Some(pose) => heads + pose_error(pose, &labels.poses, device).mul_scalar(recipe.pose_weight),
-        None => heads,
-    }
-}
-
-/// Mean over the samples with a pose of the squared error, `[1]`.
-fn pose_error(told: Tensor<2>, poses: &[Option<Pose>], device: &Device) -> Tensor<1> {
-    let wanted: Vec<f32> = poses.iter().flat_map(|pose| pose.unwrap_or_default().values()).collect();
-    let there: Vec<f32> = poses.iter().map(|pose| f32::from(u8::from(pose.is_some()))).collect();
-    let count = there.iter().sum::<f32>().max(1.0);
-    let wanted = Tensor::<2>::from_data(TensorData::new(wanted, [poses.len(), POSE]), device);
-    let there = Tensor::<2>::from_data(TensorData::new(there, [poses.len(), 1]), device);
-    let off = (told - wanted) * there;
-    (off.clone() * off).sum().div_scalar(count)
-}
-
-/// Values of a pose.
-const POSE: usize = 4;
-
-impl Pose {
-    /// Sine and cosine of where the person looks, of the bearing, and the distance: none far from 0 or larger than 2.
-    fn values(self) -> [f32; POSE] {
-        let Self { distance_m, bearing_deg, facing_deg } = self;
-        let (sine, cosine) = facing_deg.to_radians().sin_cos();
-        [sine, cosine, 2.0 * bearing_deg.to_radians().sin(), distance_m - 2.0]
-    }
-}
-
-/// The network, and what it tells only while it learns.
-#[derive(Module, Debug)]
-pub(crate) struct Learner {
-    network: Network,
-    pose: Option<Linear>,
-}
-
-impl Learner {
-    fn new(network: Network, config: &NetworkConfig, recipe: &Recipe, device: &Device) -> Self {
-        let told = recipe.pose_weight > 0.0 && config.fusion.has_radar();
-        Self { network, pose: told.then(|| LinearConfig::new(config.radar.width, POSE).init(device)) }
-    }
-
-    /// Scores, and the pose `[B, POSE]`.
-    fn forward(&self, batch: &Batch) -> (Output, Option<Tensor<2>>) {
-        let (out, radar) = self.network.forward_with_radar(batch);
-        let pose = self.pose.as_ref().zip(radar).map(|(pose, radar)| pose.forward(radar));
-        (out, pose)
-    }
-}
-
-fn cross_entropy(scores: Tensor<2>, labels: &[usize], smoothing: f64, device: &Device) -> Tensor<1> {
-    let [samples, classes] = scores.dims();
-    let numbers = labels.iter().map(|&label| label as i32).collect::<Vec<_>>();
-    let numbers = Tensor::<2, Int>::from_data(TensorData::new(numbers, [samples, 1]), device);
-    let logs = log_softmax(scores, 1);
-    let hit: Tensor<1> = logs.clone().gather(1, numbers).squeeze_dim(1);
-    if smoothing == 0.0 {
-        return hit.neg();
-    }
-    let all: Tensor<1> = logs.sum_dim(1).squeeze_dim(1);
-    (hit.mul_scalar(1.0 - smoothing) + all.mul_scalar(smoothing / classes as f64)).neg()
 }
 
 fn hits_of(out: &Output, labels: &Labels) -> u32 {

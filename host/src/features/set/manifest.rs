@@ -199,9 +199,11 @@ impl Entry {
             setup: Setup {
                 scene: drawn.scene,
                 person: drawn.person,
-                distance_m: drawn.distance_m,
-                bearing_deg: drawn.bearing_deg,
-                facing_deg: drawn.facing_deg,
+                pose: Pose {
+                    distance_m: drawn.distance_m,
+                    bearing_deg: drawn.bearing_deg,
+                    facing_deg: drawn.facing_deg,
+                },
                 interaction_s: [0.0; 2],
             },
         })
@@ -210,8 +212,7 @@ impl Entry {
     /// The sample in which `frames` were measured.
     pub(super) fn label(&self, frames: Frames, interaction_s: [f32; 2]) -> (Sample, Setup) {
         let Self { objects, action, target, setup } = self;
-        let Setup { distance_m, bearing_deg, facing_deg, .. } = *setup;
-        let pose = Some(Pose { distance_m, bearing_deg, facing_deg });
+        let pose = Some(setup.pose);
         let sample = Sample { frames, objects: objects.clone(), action: *action, target: *target, pose };
         (sample, Setup { interaction_s, ..*setup })
     }

@@ -58,7 +58,7 @@ fn samples_are_what_was_drawn_and_measured() {
         let objects: Vec<usize> = draw.objects.iter().map(|object| object.index()).collect();
         assert_eq!((&sample.objects, sample.target), (&objects, draw.target));
         assert_eq!(sample.action, draw.label.map(|label| label.action.index()));
-        assert_eq!((setup.person, setup.distance_m), (draw.person, draw.distance_m));
+        assert_eq!((setup.person, setup.pose.distance_m), (draw.person, draw.distance_m));
         assert_eq!(setup.interaction_s != [0.0; 2], draw.label.is_some());
 
         let frames = &sample.frames;
