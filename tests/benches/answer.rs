@@ -19,22 +19,47 @@ use rfhoi_tests::network_case::Case;
 /// Multiplications in all runs of a measurement, about: small networks run oftener.
 const WORK: usize = 40_000_000;
 
-/// Medians of taking the last frame, and of that and answering, ms.
-fn time(runner: &mut dyn Runner, case: &Case, runs: usize) -> (f64, f64) {
-    let (mut frames, mut answers) = (Vec::new(), Vec::new());
-    for _ in 0..runs {
-        case.push_all_but_last(runner);
-        let began = Instant::now();
-        case.push_last(runner);
-        frames.push(began.elapsed().as_secs_f64());
-        std::hint::black_box(case.answer(runner));
-        answers.push(began.elapsed().as_secs_f64());
+/// Rounds in which all are measured by turns, so that what slows the machine for a while slows all of them.
+const ROUNDS: usize = 9;
+
+/// A runner, its runs in a round, and what was measured: taking the last frame, and that and answering, s.
+struct Timed<'a> {
+    runner: Box<dyn Runner + 'a>,
+    runs: usize,
+    frames: Vec<f64>,
+    answers: Vec<f64>,
+}
+
+impl<'a> Timed<'a> {
+    fn new(runner: impl Runner + 'a, runs: usize) -> Self {
+        Self { runner: Box::new(runner), runs: runs.max(1), frames: Vec::new(), answers: Vec::new() }
     }
-    let median = |mut values: Vec<f64>| {
-        values.sort_by(f64::total_cmp);
-        1e3 * values[values.len() / 2]
-    };
-    (median(frames), median(answers))
+
+    fn round(&mut self, case: &Case) {
+        for _ in 0..self.runs {
+            case.push_all_but_last(self.runner.as_mut());
+            let began = Instant::now();
+            case.push_last(self.runner.as_mut());
+            self.frames.push(began.elapsed().as_secs_f64());
+            std::hint::black_box(case.answer(self.runner.as_mut()));
+            self.answers.push(began.elapsed().as_secs_f64());
+        }
+    }
+
+    /// Medians, ms.
+    fn medians(mut self) -> (f64, f64) {
+        let median = |values: &mut Vec<f64>| {
+            values.sort_by(f64::total_cmp);
+            1e3 * values[values.len() / 2]
+        };
+        (median(&mut self.frames), median(&mut self.answers))
+    }
+}
+
+/// Medians of all, measured by turns.
+fn time<const N: usize>(mut timed: [Timed<'_>; N], case: &Case) -> [(f64, f64); N] {
+    (0..ROUNDS).for_each(|_| timed.iter_mut().for_each(|timed| timed.round(case)));
+    timed.map(Timed::medians)
 }
 
 fn main() {
@@ -62,30 +87,31 @@ fn main() {
             case.write(Path::new(folder));
         }
         let int8 = quantize(&case.model, &[&case.sample], &case.names).expect("a network that int8 runs");
-        let runs = (WORK / case.model.parameters()).clamp(9, 201);
-        let of = |kernels: Kernels| time(&mut Executor::new(&int8, kernels).expect("a model"), &case, runs);
-        let best = [1, 2].map(|threads| of(Kernels::best().with_threads(threads)));
+        let runs = WORK / case.model.parameters() / ROUNDS;
+        let of = |kernels: Kernels| Timed::new(Executor::new(&int8, kernels).expect("a model"), runs);
+        let best = |threads| of(Kernels::best().with_threads(threads));
         if json {
             let part = |(frame, answer): (f64, f64)| serde_json::json!({ "encoder": frame, "rest": answer - frame, "sum": answer });
-            println!("{}", serde_json::json!({ "int8": { "1": part(best[0]), "2": part(best[1]) } }));
+            let [one, two] = time([best(1), best(2)], &case);
+            println!("{}", serde_json::json!({ "int8": { "1": part(one), "2": part(two) } }));
             continue;
         }
+        let burn = Reference::new(&case.model).expect("an f32 model");
+        let [one, two, burn] = time([best(1), best(2), Timed::new(burn, runs / 8)], &case);
         let mut line = serde_json::json!({
             "model": name,
             "parameters": case.model.parameters(),
             "level": Kernels::best().level().name(),
-            "int8_frame_ms": best.map(|(frame, _)| frame),
-            "int8_answer_ms": best.map(|(_, answer)| answer),
+            "int8_frame_ms": [one.0, two.0],
+            "int8_answer_ms": [one.1, two.1],
+            "burn_frame_ms": burn.0,
+            "burn_answer_ms": burn.1,
+            "burn_over_int8": [burn.1 / one.1, burn.1 / two.1],
         });
-        let mut burn = Reference::new(&case.model).expect("an f32 model");
-        let (frame, answer) = time(&mut burn, &case, runs.div_ceil(20));
-        line["burn_frame_ms"] = frame.into();
-        line["burn_answer_ms"] = answer.into();
-        line["burn_over_int8"] = serde_json::json!(best.map(|(_, ours)| answer / ours));
-        for level in Level::ALL {
-            if let Some(kernels) = Kernels::new(level) {
-                line[format!("{}_answer_ms", level.name())] = of(kernels).1.into();
-            }
+        for kernels in Level::ALL.into_iter().filter_map(Kernels::new) {
+            let level = format!("{}_answer_ms", kernels.level().name());
+            let [(_, answer)] = time([of(kernels)], &case);
+            line[level] = answer.into();
         }
         println!("{line}");
     }

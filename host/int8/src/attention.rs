@@ -1,7 +1,7 @@
 //! Attention of all rows to all rows, head by head, in floats: `softmax(q k^T / sqrt(d)) v`.
 
 use crate::isa::{Isa, LANES, Work};
-use crate::lanes::{exp, greatest, sum};
+use crate::lanes::exp;
 use crate::out::Sink;
 
 /// Rows of queries at once: with two groups of lanes, eight sums that do not wait for each other.
@@ -19,16 +19,16 @@ pub(crate) struct Attention<'a> {
     pub(crate) rows: usize,
     pub(crate) width: usize,
     pub(crate) heads: usize,
-    /// As [`scratch`] says: the keys, `[blocks of rows][d]`, the values, `[blocks of d][rows]`, and the scores.
+    /// As [`scratch`] says: the keys, `[blocks of rows][d]`, the values, `[blocks of d][rows]`, and the scores of a few queries.
     pub(crate) scratch: &'a mut [f32],
     /// `[rows][width]`.
     pub(crate) sink: Sink<'a>,
 }
 
-/// Floats of scratch: a head's keys transposed, its values, and its scores, all in whole blocks.
+/// Floats of scratch: a head's keys transposed, its values, and scores of [`QUERIES`], all in whole blocks.
 pub(crate) fn scratch(rows: usize, width: usize, heads: usize) -> usize {
     let (d, block) = (width / heads, rows.next_multiple_of(BLOCK));
-    d * block + rows * d.next_multiple_of(BLOCK) + rows.next_multiple_of(QUERIES) * block
+    d * block + rows * d.next_multiple_of(BLOCK) + QUERIES * block
 }
 
 impl Work for Attention<'_> {
@@ -55,38 +55,34 @@ impl Work for Attention<'_> {
                     values.as_flattened_mut()[..value.len()].copy_from_slice(value);
                 }
             }
-            // Scores: queries by transposed keys, so that lanes are keys and nothing is added across them.
+            // While scores of a few queries are in the cache, what they weigh is added up.
             for start in (0..rows).step_by(QUERIES) {
                 let mut queries: [&[f32]; QUERIES] = [&[]; QUERIES];
                 for (offset, query) in queries.iter_mut().enumerate() {
                     let row = (start + offset).min(rows - 1);
                     *query = &self.qkv[row * 3 * width + q..][..d];
                 }
+                // Queries by transposed keys, so that lanes are keys and nothing is added across them.
                 for (block, keys) in keys.chunks_exact(d).enumerate() {
                     let sums = product(isa, &queries, keys);
                     for (offset, sums) in sums.into_iter().enumerate() {
-                        let to = &mut scores[(start + offset) * columns + block * BLOCK..][..BLOCK];
+                        let to = &mut scores[offset * columns + block * BLOCK..][..BLOCK];
                         for (to, sums) in to.as_chunks_mut().0.iter_mut().zip(sums) {
                             *to = isa.store(isa.multiply(sums, scale));
                         }
                     }
                 }
-            }
-            for scores in scores.chunks_exact_mut(columns).take(rows) {
                 softmax(isa, scores, rows);
-            }
-            for start in (0..rows).step_by(QUERIES) {
                 let mut shares: [&[f32]; QUERIES] = [&[]; QUERIES];
-                for (offset, share) in shares.iter_mut().enumerate() {
-                    let row = (start + offset).min(rows - 1);
-                    *share = &scores[row * columns..][..rows];
+                for (share, scores) in shares.iter_mut().zip(scores.chunks_exact(columns)) {
+                    *share = &scores[..rows];
                 }
                 for (block, values) in values.chunks_exact(rows).enumerate() {
                     let sums = product(isa, &shares, values);
                     for (row, sums) in (start..rows).zip(sums) {
                         for (column, sums) in (block * BLOCK..d).step_by(LANES).zip(sums) {
                             let count = LANES.min(d - column);
-                            // SAFETY: one thread runs all of it.
+                            // SAFETY: one thread runs all of it; there are `rows` by `width`.
                             unsafe { self.sink.store(isa, row * width + q + column, sums, count) };
                         }
                     }
@@ -108,31 +104,48 @@ fn product<I: Isa>(isa: I, rows: &[&[f32]; QUERIES], block: &[Row]) -> [[I::Floa
         for row in 0..QUERIES {
             let a = isa.splat(a[row][at]);
             for group in 0..GROUPS {
-                sums[row][group] = isa.add(sums[row][group], isa.multiply(a, isa.floats(&b[group])));
+                sums[row][group] = isa.fused(a, isa.floats(&b[group]), sums[row][group]);
             }
         }
     }
     sums
 }
 
-/// Of the first `count` scores, in place; what is beyond becomes 0.
+/// Of the first `count` scores of each of a few rows, in place; what is beyond becomes 0. The rows take turns, so that none waits
+/// for its own sums.
 #[inline(always)]
 fn softmax<I: Isa>(isa: I, scores: &mut [f32], count: usize) {
-    scores[count..].fill(f32::NEG_INFINITY);
-    let groups = scores.as_chunks_mut::<LANES>().0;
-    let mut most = isa.splat(f32::NEG_INFINITY);
-    for group in &*groups {
-        most = isa.max(isa.floats(group), most);
+    let columns = scores.len() / QUERIES;
+    for row in scores.chunks_exact_mut(columns) {
+        row[count..].fill(f32::NEG_INFINITY);
     }
-    let most = isa.splat(greatest(isa, most));
-    let mut sums = isa.splat(0.0);
-    for group in &mut *groups {
-        let power = exp(isa, isa.subtract(isa.floats(group), most));
-        sums = isa.add(sums, power);
-        *group = isa.store(power);
+    let groups = columns / LANES;
+    let scores = &mut scores.as_chunks_mut::<LANES>().0[..QUERIES * groups];
+    let mut most = [isa.splat(f32::NEG_INFINITY); QUERIES];
+    for group in 0..groups {
+        for row in 0..QUERIES {
+            most[row] = isa.max(isa.floats(&scores[row * groups + group]), most[row]);
+        }
     }
-    let share = isa.splat(1.0 / sum(isa, sums));
-    for group in groups {
-        *group = isa.store(isa.multiply(isa.floats(group), share));
+    for most in &mut most {
+        *most = isa.splat(isa.greatest(*most));
+    }
+    let mut sums = [isa.splat(0.0); QUERIES];
+    for group in 0..groups {
+        for row in 0..QUERIES {
+            let score = &mut scores[row * groups + group];
+            let power = exp(isa, isa.subtract(isa.floats(score), most[row]));
+            sums[row] = isa.add(sums[row], power);
+            *score = isa.store(power);
+        }
+    }
+    for sum in &mut sums {
+        *sum = isa.splat(1.0 / isa.sum(*sum));
+    }
+    for group in 0..groups {
+        for row in 0..QUERIES {
+            let score = &mut scores[row * groups + group];
+            *score = isa.store(isa.multiply(isa.floats(score), sums[row]));
+        }
     }
 }

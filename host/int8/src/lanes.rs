@@ -1,4 +1,4 @@
-//! Floats sixteen abreast: sums over lanes as one fixed tree, quantisation, and e to the power of x.
+//! Floats sixteen abreast: quantisation, and e to the power of x.
 
 use crate::isa::{Isa, LANES};
 use crate::out::Quant;
@@ -14,35 +14,6 @@ pub(crate) fn load<I: Isa>(isa: I, from: &[f32], fill: f32) -> I::Floats {
         *to = from;
     }
     isa.floats(&lanes)
-}
-
-/// Halves added to each other until one number is left.
-#[inline(always)]
-pub(crate) fn sum<I: Isa>(isa: I, lanes: I::Floats) -> f32 {
-    let mut lanes = isa.store(lanes);
-    let mut width = LANES / 2;
-    while width > 0 {
-        for lane in 0..width {
-            lanes[lane] += lanes[lane + width];
-        }
-        width /= 2;
-    }
-    lanes[0]
-}
-
-/// The greatest lane, which NaN is not sure to be; halves by halves, too.
-#[inline(always)]
-pub(crate) fn greatest<I: Isa>(isa: I, lanes: I::Floats) -> f32 {
-    let mut lanes = isa.store(lanes);
-    let mut width = LANES / 2;
-    while width > 0 {
-        for lane in 0..width {
-            let (a, b) = (lanes[lane], lanes[lane + width]);
-            lanes[lane] = if a > b { a } else { b };
-        }
-        width /= 2;
-    }
-    lanes[0]
 }
 
 /// 1.5 * 2^23: a float this large has steps of one, so adding it rounds to the nearest integer, ties to even, and leaves the
@@ -74,15 +45,15 @@ pub(crate) fn exp<I: Isa>(isa: I, x: I::Floats) -> I::Floats {
     const LN_2_LOW: f32 = -2.121_944_4e-4;
     let least = isa.splat(EXP_LEAST);
     let inside = isa.max(least, x);
-    let shifted = isa.add(isa.multiply(inside, isa.splat(std::f32::consts::LOG2_E)), isa.splat(ROUND));
+    let shifted = isa.fused(inside, isa.splat(std::f32::consts::LOG2_E), isa.splat(ROUND));
     let n = isa.subtract(shifted, isa.splat(ROUND));
-    let r = isa.subtract(inside, isa.multiply(n, isa.splat(LN_2_HIGH)));
-    let r = isa.subtract(r, isa.multiply(n, isa.splat(LN_2_LOW)));
+    let r = isa.fused(n, isa.splat(-LN_2_HIGH), inside);
+    let r = isa.fused(n, isa.splat(-LN_2_LOW), r);
     let mut p = isa.splat(1.987_569_1e-4);
     for coefficient in [1.398_2e-3, 8.333_452e-3, 4.166_579_6e-2, 1.666_666_5e-1, 0.5] {
-        p = isa.add(isa.multiply(p, r), isa.splat(coefficient));
+        p = isa.fused(p, r, isa.splat(coefficient));
     }
-    let p = isa.add(isa.add(isa.multiply(p, isa.multiply(r, r)), r), isa.splat(1.0));
+    let p = isa.add(isa.fused(p, isa.multiply(r, r), r), isa.splat(1.0));
     // The low bits of `shifted` are n: into the exponent with it.
     let exponent = isa.shift_left(isa.to_bits(shifted), 23);
     let power = isa.of_bits(isa.add_ints(exponent, isa.splat_ints(1.0f32.to_bits().cast_signed())));

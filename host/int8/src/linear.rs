@@ -189,7 +189,7 @@ impl Linear<'_> {
     fn put<I: Isa>(&self, isa: I, epilogue: &Epilogue<I>, row: usize, sums: I::Ints) {
         let &Epilogue { output, count, scale, bias, leak } = epilogue;
         let y = affine(isa, sums, scale, bias, leak);
-        // SAFETY: no other thread has these panels, so none writes these outputs of any row.
+        // SAFETY: no other thread has these panels, so none writes these outputs of any row; there are `rows` by `n`.
         unsafe { self.sink.store(isa, row * self.weights.n() + output, y, count) };
     }
 }

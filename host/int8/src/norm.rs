@@ -1,7 +1,7 @@
 //! Row by row or number by number: layer norm, quantisation, sums and means of rows.
 
 use crate::isa::{Isa, LANES, Work};
-use crate::lanes::{load, sum};
+use crate::lanes::load;
 use crate::out::Sink;
 
 /// `(x - mean) / sqrt(variance + epsilon) * gamma + beta` of each row.
@@ -18,31 +18,70 @@ pub(crate) struct LayerNorm<'a> {
     pub(crate) sink: Sink<'a>,
 }
 
+/// Rows that take turns, so that none waits for its own sums.
+const ROWS: usize = 4;
+
 impl Work for LayerNorm<'_> {
     #[inline(always)]
     fn run<I: Isa>(self, isa: I) {
+        let rows = self.input.len() / self.gamma.len();
+        for row in (0..rows - rows % ROWS).step_by(ROWS) {
+            self.rows::<I, ROWS>(isa, row);
+        }
+        for row in rows - rows % ROWS..rows {
+            self.rows::<I, 1>(isa, row);
+        }
+    }
+}
+
+impl LayerNorm<'_> {
+    /// `R` rows from `first` on.
+    #[inline(always)]
+    fn rows<I: Isa, const R: usize>(&self, isa: I, first: usize) {
         let width = self.gamma.len();
-        let share = 1.0 / width as f32;
-        for (row, x) in self.input.chunks_exact(width).enumerate() {
-            let mut sums = isa.splat(0.0);
-            for x in x.chunks(LANES) {
-                sums = isa.add(sums, load(isa, x, 0.0));
+        let (groups, share) = (width / LANES, 1.0 / width as f32);
+        // Whole groups of lanes, and what is left.
+        let mut x: [&[[f32; LANES]]; R] = [&[]; R];
+        let mut rest: [&[f32]; R] = [&[]; R];
+        for (row, values) in self.input[first * width..].chunks_exact(width).take(R).enumerate() {
+            let (whole, left) = values.as_chunks();
+            (x[row], rest[row]) = (&whole[..groups], left);
+        }
+        let mut sums = [isa.splat(0.0); R];
+        for group in 0..groups {
+            for row in 0..R {
+                sums[row] = isa.add(sums[row], isa.floats(&x[row][group]));
             }
-            let mean = sum(isa, sums) * share;
-            let mut squares = isa.splat(0.0);
-            for x in x.chunks(LANES) {
-                // Lanes beyond the row are the mean, so that they add nothing.
-                let deviation = isa.subtract(load(isa, x, mean), isa.splat(mean));
-                squares = isa.add(squares, isa.multiply(deviation, deviation));
+        }
+        let mut means = [isa.splat(0.0); R];
+        for row in 0..R {
+            let sum = isa.sum(isa.add(sums[row], load(isa, rest[row], 0.0)));
+            means[row] = isa.splat(sum * share);
+        }
+        let mut squares = [isa.splat(0.0); R];
+        for group in 0..groups {
+            for row in 0..R {
+                let deviation = isa.subtract(isa.floats(&x[row][group]), means[row]);
+                squares[row] = isa.fused(deviation, deviation, squares[row]);
             }
-            let scale = 1.0 / (sum(isa, squares) * share + self.epsilon).sqrt();
-            let parameters = self.gamma.chunks(LANES).zip(self.beta.chunks(LANES));
-            for (group, (x, (gamma, beta))) in x.chunks(LANES).zip(parameters).enumerate() {
-                let deviation = isa.subtract(load(isa, x, 0.0), isa.splat(mean));
-                let y = isa.multiply(isa.multiply(deviation, isa.splat(scale)), load(isa, gamma, 0.0));
-                let y = isa.add(y, load(isa, beta, 0.0));
-                // SAFETY: one thread runs all of it.
-                unsafe { self.sink.store(isa, row * width + group * LANES, y, x.len()) };
+        }
+        let mut scales = [isa.splat(0.0); R];
+        for row in 0..R {
+            // Lanes beyond the row are the mean, so that they add nothing.
+            let rest = load(isa, rest[row], isa.store(means[row])[0]);
+            let deviation = isa.subtract(rest, means[row]);
+            let variance = isa.sum(isa.fused(deviation, deviation, squares[row])) * share;
+            scales[row] = isa.splat(1.0 / (variance + self.epsilon).sqrt());
+        }
+        for from in (0..width).step_by(LANES) {
+            let count = LANES.min(width - from);
+            let (gamma, beta) = (load(isa, &self.gamma[from..], 0.0), load(isa, &self.beta[from..], 0.0));
+            for row in 0..R {
+                let x = x[row].get(from / LANES).map_or(rest[row], |group| group);
+                let deviation = isa.subtract(load(isa, x, 0.0), means[row]);
+                let y = isa.fused(isa.multiply(deviation, scales[row]), gamma, beta);
+                // SAFETY: one thread runs all of it; there are as many outputs as inputs.
+                unsafe { self.sink.store(isa, (first + row) * width + from, y, count) };
             }
         }
     }
@@ -59,7 +98,7 @@ impl Work for Copy<'_> {
     #[inline(always)]
     fn run<I: Isa>(self, isa: I) {
         for (group, x) in self.input.chunks(LANES).enumerate() {
-            // SAFETY: one thread runs all of it.
+            // SAFETY: one thread runs all of it; there are as many outputs as inputs.
             unsafe { self.sink.store(isa, group * LANES, load(isa, x, 0.0), x.len()) };
         }
     }
@@ -85,7 +124,7 @@ impl Work for MeanRows<'_> {
             for row in self.input.chunks_exact(self.width) {
                 sums = isa.add(sums, load(isa, &row[column..][..count], 0.0));
             }
-            // SAFETY: one thread runs all of it.
+            // SAFETY: one thread runs all of it; there are as many outputs as columns.
             unsafe { self.sink.store(isa, column, isa.multiply(sums, share), count) };
         }
     }

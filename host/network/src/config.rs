@@ -275,7 +275,7 @@ impl NetworkConfig {
         self.encoder.channels() * side * side
     }
 
-    /// Values of a tag's net turn: two at each antenna.
+    /// Values of a tag's net turn over all antennas.
     pub fn turn_features(&self) -> usize {
         self.antennas * TURN_CHANNELS
     }

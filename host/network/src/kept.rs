@@ -3,7 +3,10 @@
 use std::ops::Range;
 
 use crate::config::NetworkConfig;
-use crate::sample::{Frame, Frames, InputError, MAPS, MAX_FRAMES, MAX_TAGS, READ_CHANNELS, SCALARS};
+use crate::network::{limit_turns, turns_of_read};
+use crate::sample::{
+    Frame, Frames, InputError, MAPS, MAX_FRAMES, MAX_TAGS, READ_CHANNELS, SCALARS, TURN_CHANNELS,
+};
 
 /// Frames that came.
 #[derive(Debug, Clone, Default)]
@@ -12,6 +15,8 @@ pub(crate) struct Kept {
     pub(crate) first: usize,
     /// Radar tokens, one after the other.
     pub(crate) tokens: Vec<f32>,
+    /// `[frames][tags][antennas][TURN_CHANNELS]`: what adds up to net turns.
+    turns: Vec<f32>,
     /// Scalars and reads of frames; their maps are in the tokens.
     pub(crate) frames: Frames,
     /// Tags of a frame, once one came.
@@ -48,7 +53,19 @@ impl Kept {
         self.frames.antennas = config.antennas;
         self.frames.scalars.extend_from_slice(frame.scalars);
         self.frames.reads.extend_from_slice(frame.reads);
+        self.turns.extend(frame.reads.chunks_exact(READ_CHANNELS).flat_map(turns_of_read));
         Ok(())
+    }
+
+    /// Net turn of one tag over frames, `[antennas][TURN_CHANNELS]`.
+    pub(crate) fn turns_of_tag(&self, frames: Range<usize>, tag: usize, out: &mut [f32]) {
+        let of_frame = self.frames.tags * out.len();
+        out.fill(0.0);
+        for turns in self.turns[frames.start * of_frame..frames.end * of_frame].chunks_exact(of_frame) {
+            let of_tag = &turns[tag * out.len()..];
+            out.iter_mut().zip(of_tag).for_each(|(sum, turn)| *sum += turn);
+        }
+        limit_turns(out);
     }
 
     /// Frames that are too old go, many at once.
@@ -58,6 +75,7 @@ impl Kept {
             self.tokens.drain(..MAX_FRAMES * width);
             self.frames.scalars.drain(..MAX_FRAMES * SCALARS);
             self.frames.reads.drain(..MAX_FRAMES * of_frame);
+            self.turns.drain(..MAX_FRAMES * of_frame / READ_CHANNELS * TURN_CHANNELS);
             self.first += MAX_FRAMES;
         }
     }
@@ -89,6 +107,7 @@ impl Kept {
         self.tokens.clear();
         self.frames.scalars.clear();
         self.frames.reads.clear();
+        self.turns.clear();
         self.tags = None;
     }
 

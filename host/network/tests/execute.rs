@@ -106,7 +106,7 @@ fn what_it_cannot_take_it_refuses() {
     for runner in &mut runners {
         let good = sample(1, 3, 2);
         let frame = good.frames.frame(0);
-        let not_finite = [f32::NAN; 24];
+        let not_finite = vec![f32::NAN; frame.reads.len()];
         assert!(matches!(runner.push(Frame { maps: &[], ..frame }), Err(InputError::Shape { .. })));
         assert!(matches!(runner.push(Frame { reads: &not_finite, ..frame }), Err(InputError::NotFinite(_))));
         assert!(matches!(runner.push(Frame { reads: &[0.0; 7], ..frame }), Err(InputError::Shape { .. })));

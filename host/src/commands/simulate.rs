@@ -119,6 +119,10 @@ struct SetArgs {
     /// Share of samples without an interaction, 0 to 1.
     #[arg(long, value_name = "SHARE", default_value_t = 0.0, conflicts_with_all = NOT_SET)]
     nothing: f64,
+    /// Spread the samples over so many setups, each a room, a person, a place and a way to look, as recordings of real people
+    /// are (the paper has 78); for --domain site. By default all of that is drawn for each sample.
+    #[arg(long, value_parser = clap::value_parser!(u32).range(1..), conflicts_with_all = NOT_SET)]
+    setups: Option<u32>,
     /// Replace objects where the action would be the same (the paper's algorithm 1).
     #[arg(long, conflicts_with_all = NOT_SET)]
     expand: bool,
@@ -283,7 +287,7 @@ impl Simulate {
     }
 
     fn write_set(&self, folder: &Path, json: bool) -> anyhow::Result<()> {
-        let SetArgs { count, categories, nothing, expand, workers } = self.set;
+        let SetArgs { count, categories, nothing, setups, expand, workers } = self.set;
         ensure!((0.0..=1.0).contains(&nothing), "--nothing {nothing} is no share: give 0 to 1");
         let categories = match categories {
             CategoriesName::Seen => CATEGORIES.to_vec(),
@@ -291,10 +295,21 @@ impl Simulate {
             CategoriesName::All => CATEGORIES.iter().chain(&UNSEEN).copied().collect(),
         };
         let scenes = self.scenes()?;
+        ensure!(
+            setups.is_none() || matches!(self.domain, DomainName::Site),
+            "--setups is for --domain site: people of train stand anywhere"
+        );
         let cores = || std::thread::available_parallelism().map_or(1, usize::from);
         let domain = self.domain();
-        let wanted =
-            Wanted { domain, seed: self.seed, samples: count, categories: &categories, nothing, expand };
+        let wanted = Wanted {
+            domain,
+            seed: self.seed,
+            samples: count,
+            categories: &categories,
+            nothing,
+            expand,
+            setups,
+        };
         let options = set::Options {
             wanted,
             effects: self.effects()?,

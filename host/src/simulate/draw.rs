@@ -22,6 +22,11 @@ const BEARING_DEG: f32 = 45.0;
 /// Directions in which people look, deg; 0 is towards the radar.
 pub const FACING_DEG: [f32; 7] = [-90.0, -60.0, -30.0, 0.0, 30.0, 60.0, 90.0];
 
+/// Within a setup, so far people stand from its place each way, m, and look past its direction to either side, deg: they come
+/// back to a mark on the floor.
+const MARK_M: f32 = 0.05;
+const MARK_DEG: f32 = 5.0;
+
 /// Which samples are wanted.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Wanted<'a> {
@@ -37,13 +42,16 @@ pub struct Wanted<'a> {
     pub nothing: f64,
     /// Whether objects are replaced where the action would be the same (algorithm 1 of the paper).
     pub expand: bool,
+    /// Setups among which all samples of `site` are spread: a room, a person, a place and a direction to look in each. The
+    /// paper has 78 (section 5.1). `None` draws all of that anew for each sample.
+    pub setups: Option<u32>,
 }
 
 impl<'a> Wanted<'a> {
     /// One sample of these categories, or of nothing where there are none.
     pub fn one(domain: Domain, seed: u64, categories: &'a [Category]) -> Self {
         let nothing = if categories.is_empty() { 1.0 } else { 0.0 };
-        Self { domain, seed, samples: 1, categories, nothing, expand: false }
+        Self { domain, seed, samples: 1, categories, nothing, expand: false, setups: None }
     }
 }
 
@@ -60,6 +68,9 @@ pub struct Draw {
     pub objects: Vec<Object>,
     /// Number of the target's tag.
     pub target: Option<usize>,
+    /// Number of the setup, where the set has [`Wanted::setups`].
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub setup: Option<usize>,
     /// Number of the scene.
     pub scene: usize,
     /// Number of the person in the scene.
@@ -87,6 +98,56 @@ pub enum Purpose {
     Radar,
     /// The reader's session and its reads.
     Rfid,
+    /// Which setups there are.
+    Setups,
+}
+
+/// Who stands where.
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct Setup {
+    scene: usize,
+    person: usize,
+    place: Place,
+}
+
+/// How many setups scenes have.
+pub fn most_setups(scenes: &[Scene]) -> usize {
+    all_setups(scenes).len()
+}
+
+/// Every person at every place, looking every way that leaves room for their hands.
+fn all_setups(scenes: &[Scene]) -> Vec<Setup> {
+    let mut all = Vec::new();
+    for (number, scene) in scenes.iter().enumerate() {
+        let mut positions: Vec<Vec2> = scene.places.iter().map(|place| place.position).collect();
+        // A place is listed once for each way to look that its file knows.
+        positions.dedup();
+        for (person, position) in (0..scene.people.len()).flat_map(|n| positions.iter().map(move |p| (n, *p)))
+        {
+            let ways = FACING_DEG.map(|deg| Place { position, facing_rad: deg.to_radians() });
+            let free = ways.into_iter().filter(|place| scene.is_free(place));
+            all.extend(free.map(|place| Setup { scene: number, person, place }));
+        }
+    }
+    all
+}
+
+/// The wanted setups, no two the same; fewer if the scenes have no more of them.
+fn setups(wanted: &Wanted<'_>, count: u32, scenes: &[Scene]) -> Vec<Setup> {
+    let mut setups = all_setups(scenes);
+    setups.shuffle(&mut stream(wanted.domain, wanted.seed, 0, Purpose::Setups));
+    setups.truncate(count as usize);
+    setups
+}
+
+impl Setup {
+    /// Where they stand this time.
+    fn again(&self, scenes: &[Scene], rng: &mut ChaCha8Rng) -> Place {
+        let mut off = |most: f32| rng.random_range(-most..most);
+        let position = self.place.position + Vec2::new(off(MARK_M), off(MARK_M));
+        let place = Place { position, facing_rad: self.place.facing_rad + off(MARK_DEG).to_radians() };
+        if scenes[self.scene].is_free(&place) { place } else { self.place }
+    }
 }
 
 /// The stream of random numbers for one purpose of one sample; domains share none.
@@ -122,15 +183,31 @@ fn labels(wanted: &Wanted<'_>) -> Vec<Option<Category>> {
 /// # Panics
 /// If there are no scenes, or one of them lacks people or places.
 pub fn draw(wanted: &Wanted<'_>, scenes: &[Scene]) -> Vec<Draw> {
-    let labels = labels(wanted);
-    (0..).zip(labels).map(|(sample, label)| one(wanted, scenes, sample, label)).collect()
+    let setups = wanted.setups.map(|count| setups(wanted, count, scenes));
+    let labels = (0..).zip(labels(wanted));
+    labels.map(|(sample, label)| one(wanted, scenes, setups.as_deref(), sample, label)).collect()
 }
 
-fn one(wanted: &Wanted<'_>, scenes: &[Scene], sample: u32, performed: Option<Category>) -> Draw {
+fn one(
+    wanted: &Wanted<'_>,
+    scenes: &[Scene],
+    setups: Option<&[Setup]>,
+    sample: u32,
+    performed: Option<Category>,
+) -> Draw {
     let rng = &mut stream(wanted.domain, wanted.seed, sample, Purpose::Draw);
-    let scene = rng.random_range(0..scenes.len());
-    let person = rng.random_range(0..scenes[scene].people.len());
-    let place = stand(wanted.domain, &scenes[scene], rng);
+    let setup = setups.map(|setups| rng.random_range(0..setups.len()));
+    let (scene, person, place) = match setups.zip(setup) {
+        Some((setups, number)) => {
+            let setup = &setups[number];
+            (setup.scene, setup.person, setup.again(scenes, rng))
+        }
+        None => {
+            let scene = rng.random_range(0..scenes.len());
+            let person = rng.random_range(0..scenes[scene].people.len());
+            (scene, person, stand(wanted.domain, &scenes[scene], rng))
+        }
+    };
     // Objects that the set does not know stay out of it.
     let known = |object: &Object| {
         wanted.expand
@@ -165,6 +242,7 @@ fn one(wanted: &Wanted<'_>, scenes: &[Scene], sample: u32, performed: Option<Cat
         performed,
         objects,
         target,
+        setup,
         scene,
         person,
         distance_m: 0.0,
@@ -233,7 +311,15 @@ mod tests {
     use super::*;
 
     fn wanted(domain: Domain) -> Wanted<'static> {
-        Wanted { domain, seed: 7, samples: 340, categories: &CATEGORIES, nothing: 0.0, expand: false }
+        Wanted {
+            domain,
+            seed: 7,
+            samples: 340,
+            categories: &CATEGORIES,
+            nothing: 0.0,
+            expand: false,
+            setups: None,
+        }
     }
 
     fn scenes() -> Vec<Scene> {
@@ -272,6 +358,28 @@ mod tests {
         let nothing = draws.iter().filter(|d| d.label.is_none());
         assert_eq!(nothing.clone().count(), 34);
         assert!(nothing.clone().all(|d| d.target.is_none() && d.objects.len() == SAMPLE_TAGS));
+    }
+
+    #[test]
+    fn setups_are_few_and_people_come_back_to_their_marks() {
+        let scenes = scenes();
+        let draws = draw(&Wanted { setups: Some(12), ..wanted(Domain::Site) }, &scenes);
+        let mut of_setup: BTreeMap<usize, Vec<&Draw>> = BTreeMap::new();
+        draws.iter().for_each(|draw| of_setup.entry(draw.setup.unwrap()).or_default().push(draw));
+        assert_eq!(of_setup.len(), 12);
+        for draws in of_setup.values() {
+            let first = draws[0];
+            for draw in draws {
+                assert_eq!((draw.scene, draw.person), (first.scene, first.person));
+                let apart = draw.place.distance(first.place);
+                assert!(
+                    apart <= 2.9 * MARK_M && (draw.facing_deg - first.facing_deg).abs() <= 2.0 * MARK_DEG
+                );
+            }
+            let places: BTreeSet<u32> = draws.iter().map(|draw| draw.place.x.to_bits()).collect();
+            assert!(places.len() > draws.len() / 2, "never quite the same");
+        }
+        assert!(most_setups(&scenes) > 78, "{}", most_setups(&scenes));
     }
 
     #[test]

@@ -36,7 +36,7 @@ use rfhoi_shared::units::BridgeTime;
 use serde::Serialize;
 use serde_json::{Value, json};
 
-use super::draw::{Draw, Wanted, draw};
+use super::draw::{Draw, Wanted, draw, most_setups};
 use super::effects::Effects;
 use super::sample::{Maker, Sample, SampleError, epoch};
 use super::scene::{SAMPLE_TAGS, Scene};
@@ -107,6 +107,12 @@ pub enum SetError {
     /// The folder's manifest is none.
     #[error("{0} is no manifest of a data set: choose another folder or remove it")]
     NoManifest(PathBuf),
+    /// More setups than there are.
+    #[error("the scenes have {there} setups, of a person, a place and a way to look: ask for no more")]
+    Setups {
+        /// How many there are.
+        there: usize,
+    },
     /// Samples of one shard have different shapes.
     #[error("the samples of a shard do not fit together: {0}")]
     Array(ndarray::ShapeError),
@@ -142,6 +148,12 @@ pub fn write(
 ) -> Result<Summary, SetError> {
     let Options { wanted, scenes, .. } = options;
     same_shapes(scenes)?;
+    if let Some(wanted) = wanted.setups {
+        let there = most_setups(scenes);
+        if there < wanted as usize {
+            return Err(SetError::Setups { there });
+        }
+    }
     for (scene, category) in scenes.iter().flat_map(|s| wanted.categories.iter().map(move |c| (s, c))) {
         if !scene.tags.iter().any(|t| t.object == category.object) {
             let object = category.object;
@@ -242,7 +254,7 @@ fn manifest(options: &Options<'_>, draws: &[Draw]) -> Value {
         })
     });
     let names = |list: Vec<&'static str>| list;
-    json!({
+    let mut manifest = json!({
         "format": "rf-hoi data set",
         "version": VERSION,
         "simulated": true,
@@ -263,7 +275,11 @@ fn manifest(options: &Options<'_>, draws: &[Draw]) -> Value {
         "shards": (0..wanted.samples.div_ceil(SHARD_SAMPLES)).map(shard_name).collect::<Vec<_>>(),
         "complete": false,
         "samples": draws,
-    })
+    });
+    if let Some(setups) = wanted.setups {
+        manifest["setups"] = setups.into();
+    }
+    manifest
 }
 
 /// Whether the set that is there is the one that is wanted.

@@ -13,17 +13,19 @@ pub(crate) struct Avx2<const VNNI: bool>(());
 
 impl<const VNNI: bool> Avx2<VNNI> {
     pub(super) fn detect() -> Option<Self> {
-        let has = is_x86_feature_detected!("avx2") && (!VNNI || is_x86_feature_detected!("avxvnni"));
+        let has = is_x86_feature_detected!("avx2")
+            && is_x86_feature_detected!("fma")
+            && (!VNNI || is_x86_feature_detected!("avxvnni"));
         has.then_some(Self(()))
     }
 }
 
-#[target_feature(enable = "avx2")]
+#[target_feature(enable = "avx2,fma")]
 fn run<W: Work>(isa: Avx2<false>, work: W) {
     work.run(isa);
 }
 
-#[target_feature(enable = "avx2,avxvnni")]
+#[target_feature(enable = "avx2,fma,avxvnni")]
 fn run_vnni<W: Work>(isa: Avx2<true>, work: W) {
     work.run(isa);
 }
@@ -42,6 +44,34 @@ unsafe fn dot_wide(sum: __m256i, unsigned: __m256i, signed: __m256i) -> __m256i 
         let s_odd = _mm256_srai_epi16::<8>(signed);
         let products = _mm256_add_epi32(_mm256_madd_epi16(u_even, s_even), _mm256_madd_epi16(u_odd, s_odd));
         _mm256_add_epi32(sum, products)
+    }
+}
+
+/// The sum of eight lanes, halves by halves.
+///
+/// # Safety
+/// The processor must have AVX.
+#[inline(always)]
+pub(super) unsafe fn sum(a: __m256) -> f32 {
+    // SAFETY: the caller's.
+    unsafe {
+        let a = _mm_add_ps(_mm256_castps256_ps128(a), _mm256_extractf128_ps::<1>(a));
+        let a = _mm_add_ps(a, _mm_movehl_ps(a, a));
+        _mm_cvtss_f32(_mm_add_ss(a, _mm_shuffle_ps::<1>(a, a)))
+    }
+}
+
+/// The greatest of eight lanes, halves by halves.
+///
+/// # Safety
+/// The processor must have AVX.
+#[inline(always)]
+pub(super) unsafe fn greatest(a: __m256) -> f32 {
+    // SAFETY: the caller's.
+    unsafe {
+        let a = _mm_max_ps(_mm256_castps256_ps128(a), _mm256_extractf128_ps::<1>(a));
+        let a = _mm_max_ps(a, _mm_movehl_ps(a, a));
+        _mm_cvtss_f32(_mm_max_ss(a, _mm_shuffle_ps::<1>(a, a)))
     }
 }
 
@@ -110,6 +140,10 @@ impl<const VNNI: bool> Isa for Avx2<VNNI> {
         ];
         to_bits(a: Floats) -> Ints = transmute(a);
         store(a: Floats) -> [f32; LANES] = transmute(a);
+        fused(a: Floats, b: Floats, c: Floats) -> Floats =
+            [_mm256_fmadd_ps(a[0], b[0], c[0]), _mm256_fmadd_ps(a[1], b[1], c[1])];
+        sum(a: Floats) -> f32 = sum(_mm256_add_ps(a[0], a[1]));
+        greatest(a: Floats) -> f32 = greatest(_mm256_max_ps(a[0], a[1]));
     }
 
     #[inline(always)]

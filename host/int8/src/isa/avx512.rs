@@ -4,6 +4,7 @@ use std::arch::x86_64::*;
 use std::mem::transmute;
 
 use super::amx::{self, Tiles};
+use super::avx2::{greatest, sum};
 use super::{Isa, LANES, QUAD, Quads, Work};
 
 #[derive(Debug, Clone, Copy)]
@@ -75,6 +76,10 @@ impl<const AMX: bool> Isa for Avx512<AMX> {
             _mm512_mask_mov_ps(no, _mm512_cmp_ps_mask::<_CMP_LT_OQ>(a, b), yes);
         to_bits(a: __m512) -> __m512i = _mm512_castps_si512(a);
         store(a: __m512) -> [f32; LANES] = transmute(a);
+        fused(a: __m512, b: __m512, c: __m512) -> __m512 = _mm512_fmadd_ps(a, b, c);
+        sum(a: __m512) -> f32 = sum(_mm256_add_ps(_mm512_castps512_ps256(a), _mm512_extractf32x8_ps::<1>(a)));
+        greatest(a: __m512) -> f32 =
+            greatest(_mm256_max_ps(_mm512_castps512_ps256(a), _mm512_extractf32x8_ps::<1>(a)));
     }
 
     #[inline(always)]

@@ -1,8 +1,8 @@
 //! What a kernel needs of the processor: sums of int8 products, floats sixteen abreast, and a way to have its code compiled
 //! for the instructions.
 //!
-//! All operations are lane by lane and none rounds otherwise at another level: there are no fused products, no estimates,
-//! no sums across lanes.
+//! None rounds otherwise at another level: there are no estimates, products are fused with sums where that is said, and sums
+//! across lanes are one fixed tree.
 
 #[cfg(target_arch = "x86_64")]
 pub(crate) mod amx;
@@ -77,6 +77,8 @@ pub(crate) trait Isa: Copy + Send + Sync {
     fn add(self, a: Self::Floats, b: Self::Floats) -> Self::Floats;
     fn subtract(self, a: Self::Floats, b: Self::Floats) -> Self::Floats;
     fn multiply(self, a: Self::Floats, b: Self::Floats) -> Self::Floats;
+    /// `a * b + c`, rounded once.
+    fn fused(self, a: Self::Floats, b: Self::Floats, c: Self::Floats) -> Self::Floats;
     /// `if a > b { a } else { b }`, so `b` if one is NaN.
     fn max(self, a: Self::Floats, b: Self::Floats) -> Self::Floats;
     /// `if a < b { a } else { b }`, so `b` if one is NaN.
@@ -85,6 +87,10 @@ pub(crate) trait Isa: Copy + Send + Sync {
     fn less(self, a: Self::Floats, b: Self::Floats, yes: Self::Floats, no: Self::Floats) -> Self::Floats;
     fn to_bits(self, a: Self::Floats) -> Self::Ints;
     fn store(self, a: Self::Floats) -> [f32; LANES];
+    /// The sum of all lanes: the upper half is added to the lower one until one lane is left.
+    fn sum(self, a: Self::Floats) -> f32;
+    /// The greatest lane, which NaN is not sure to be; halves by halves, too, as [`max`](Self::max) has it.
+    fn greatest(self, a: Self::Floats) -> f32;
 }
 
 /// What is compiled once for each level.

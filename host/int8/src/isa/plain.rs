@@ -132,6 +132,15 @@ impl Isa for Plain {
     }
 
     #[inline(always)]
+    fn fused(self, a: Floats, b: Floats, c: Floats) -> Floats {
+        let mut y = c;
+        for (y, (a, b)) in y.iter_mut().zip(a.into_iter().zip(b)) {
+            *y = a.mul_add(b, *y);
+        }
+        y
+    }
+
+    #[inline(always)]
     fn max(self, a: Floats, b: Floats) -> Floats {
         lanes!(|a, b| a, b => if a > b { a } else { b })
     }
@@ -159,4 +168,27 @@ impl Isa for Plain {
     fn store(self, a: Floats) -> [f32; LANES] {
         a
     }
+
+    #[inline(always)]
+    fn sum(self, a: Floats) -> f32 {
+        halves(a, |a, b| a + b)
+    }
+
+    #[inline(always)]
+    fn greatest(self, a: Floats) -> f32 {
+        halves(a, |a, b| if a > b { a } else { b })
+    }
+}
+
+/// The upper half joined to the lower one until one number is left.
+#[inline(always)]
+fn halves(mut lanes: Floats, join: impl Fn(f32, f32) -> f32) -> f32 {
+    let mut width = LANES / 2;
+    while width > 0 {
+        for lane in 0..width {
+            lanes[lane] = join(lanes[lane], lanes[lane + width]);
+        }
+        width /= 2;
+    }
+    lanes[0]
 }

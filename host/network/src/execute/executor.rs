@@ -11,7 +11,7 @@ use super::{Between, ExecuteError, leaky};
 use crate::config::{Encoder, Fusion, LEAK, NetworkConfig};
 use crate::kept::Kept;
 use crate::model::{Model, Precision};
-use crate::network::{token_of_tag, turns_of_tag};
+use crate::network::token_of_tag;
 use crate::positions::positions;
 use crate::probability::softmax;
 use crate::sample::{Answer, Frame, InputError, Runner};
@@ -330,11 +330,10 @@ impl MapEncoder {
             }
             Self::Patches { dense, size } => {
                 input.codes.clear();
-                for rows in codes.chunks_exact(*size * points) {
-                    for column in (0..points).step_by(*size) {
-                        let square = rows.chunks_exact(points).flat_map(|row| &row[column..column + *size]);
-                        input.codes.extend(square);
-                    }
+                match *size {
+                    // As a constant, a row of a square is one move.
+                    4 => squares(codes, points, 4, &mut input.codes),
+                    size => squares(codes, points, size, &mut input.codes),
                 }
                 if dense.is_float() {
                     input.floats.clear();
@@ -399,7 +398,7 @@ impl TagBranch {
             let tokens = &work.sequence[tag * length * width..(tag + 1) * length * width];
             kernels.mean_rows(tokens, width, moved);
             named.copy_from_slice(&work.named[tag * width..(tag + 1) * width]);
-            turns_of_tag(config, &kept.frames, part.clone(), tag, turns);
+            kept.turns_of_tag(part.clone(), tag, turns);
         }
         let input = Input::F32(&work.evidence);
         self.join.run(kernels, input, None, &mut work.scratch, Sink::F32(&mut work.tags));
@@ -428,10 +427,20 @@ impl Head {
     }
 }
 
+/// Adds the squares of a map, `[points][points]`, one after the other.
+#[inline(always)]
+fn squares(codes: &[u8], points: usize, size: usize, out: &mut Vec<u8>) {
+    for rows in codes.chunks_exact(size * points) {
+        for column in (0..points).step_by(size) {
+            rows.chunks_exact(points).for_each(|row| out.extend_from_slice(&row[column..column + size]));
+        }
+    }
+}
+
 /// Adds its position to each token of sequences of `length`.
 fn add_positions(tokens: &mut [f32], length: usize, width: usize) {
     let at = positions(length, width);
     for sequence in tokens.chunks_exact_mut(length * width) {
-        sequence.iter_mut().zip(&at).for_each(|(value, at)| *value += at);
+        sequence.iter_mut().zip(at.iter()).for_each(|(value, at)| *value += at);
     }
 }

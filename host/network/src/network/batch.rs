@@ -234,11 +234,21 @@ pub(crate) fn turns_of_tag(
     for reads in of_tag {
         let antennas = reads.chunks_exact(READ_CHANNELS).take(config.antennas);
         for (values, sums) in antennas.zip(out.chunks_exact_mut(TURN_CHANNELS)) {
-            sums[0] += values[read::DIFFERENCE];
-            sums[1] += values[read::TURN].atan2(values[read::TURN + 1]) / core::f32::consts::PI;
+            sums.iter_mut().zip(turns_of_read(values)).for_each(|(sum, turn)| *sum += turn);
         }
     }
-    out.iter_mut().for_each(|sum| *sum = sum.clamp(-MOST_TURNS, MOST_TURNS));
+    limit_turns(out);
+}
+
+/// What one tag at one antenna in one frame adds to its net turn, half turns.
+pub(crate) fn turns_of_read(values: &[f32]) -> [f32; TURN_CHANNELS] {
+    let turn = values[read::TURN].atan2(values[read::TURN + 1]) / core::f32::consts::PI;
+    [values[read::DIFFERENCE], turn, values[read::RATE]]
+}
+
+/// Net turns within what the network knows.
+pub(crate) fn limit_turns(turns: &mut [f32]) {
+    turns.iter_mut().for_each(|turn| *turn = turn.clamp(-MOST_TURNS, MOST_TURNS));
 }
 
 fn check(config: &NetworkConfig, samples: &[(&Frames, Vec<&[f32]>)]) -> Result<(), BatchError> {

@@ -14,7 +14,7 @@ use burn::tensor::activation::relu;
 use burn::tensor::{Device, Tensor};
 
 pub use batch::{Batch, BatchError, NameVectors};
-pub(crate) use batch::{FrameTensors, token_of_tag, turns_of_tag};
+pub(crate) use batch::{FrameTensors, limit_turns, token_of_tag, turns_of_read};
 pub use fusion::Output;
 
 use crate::config::{ConfigError, EPSILON, LEAK, NetworkConfig};

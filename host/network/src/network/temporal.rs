@@ -88,7 +88,8 @@ impl Transformer {
 
     fn forward(&self, tokens: Tensor<3>, valid: Tensor<2>) -> Tensor<3> {
         let [_, length, width] = tokens.dims();
-        let at = Tensor::<1>::from_floats(positions(length, width).as_slice(), &tokens.device());
+        let at = positions(length, width);
+        let at = Tensor::<1>::from_floats(&at[..length * width], &tokens.device());
         // What is not there scores too low to be seen: [B, 1, 1, L].
         let hidden = valid.sub_scalar(1.0).mul_scalar(-MASKED).unsqueeze_dims::<4>(&[1, 2]);
         let mut tokens = tokens + at.reshape([1, length, width]);

@@ -26,7 +26,15 @@ fn options(settings: Settings) -> Options {
 /// A simulated set in `folder`.
 fn make(folder: &Path, domain: Domain, samples: u32, go_on: bool) -> Vec<crate::simulate::draw::Draw> {
     let scenes = [Scene::named("open-room").unwrap().with_profile(&profile()).unwrap()];
-    let wanted = Wanted { domain, seed: 5, samples, categories: &CATEGORIES, nothing: 0.1, expand: false };
+    let wanted = Wanted {
+        domain,
+        seed: 5,
+        samples,
+        categories: &CATEGORIES,
+        nothing: 0.1,
+        expand: false,
+        setups: None,
+    };
     let options = simulated::Options { wanted, effects: Effects::of(domain), scenes: &scenes, workers: 2 };
     let made = simulated::write(folder, &options, &mut |_| go_on);
     assert_eq!(made.is_ok(), go_on);

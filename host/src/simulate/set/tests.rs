@@ -23,6 +23,7 @@ fn options(scenes: &[Scene], samples: u32) -> Options<'_> {
         categories: &CATEGORIES,
         nothing: 0.1,
         expand: false,
+        setups: None,
     };
     Options { wanted, effects: Effects::of(Domain::Train), scenes, workers: 2 }
 }
