@@ -9,10 +9,10 @@ import numpy as np
 import onnx
 from onnx import TensorProto, helper, numpy_helper
 
-ACTIONS, SCALARS, READ_CHANNELS, MAPS = 8, 6, 8, 3
+ACTIONS, SCALARS, READ_CHANNELS, MAPS = 8, 6, 6, 3
 LEAK, EPSILON = 0.01, 1e-5
 # Place of the sine of a turn in a read; what a net turn is made of, and how large it is at most.
-SINE, RATE, TURN_CHANNELS, MOST_TURNS = 2, 6, 3, 8
+SINE, TURN_CHANNELS, MOST_TURNS = 2, 2, 8
 # With layer normalisation; the newest IR that goes with it.
 OPSET, IR_VERSION, MICROSOFT = 17, 8, "com.microsoft"
 
@@ -94,9 +94,9 @@ class Case:
         slots = np.zeros((self.count, groups * stack, config["antennas"], READ_CHANNELS), np.float32)
         slots[:, : self.frames, :taken] = reads[:, :, :taken].transpose(1, 0, 2, 3)
         self.reads = slots.reshape(self.count, groups, -1)
-        # Net turns: of sure differences, of turns between neighbours, of rates; half turns.
+        # Net turns: of sure differences, and of turns between neighbours; half turns.
         turns = np.arctan2(slots[..., SINE], slots[..., SINE + 1]) / np.pi
-        sums = np.stack([slots[..., 0].sum(1), turns.sum(1), slots[..., RATE].sum(1)], -1).clip(-MOST_TURNS, MOST_TURNS)
+        sums = np.stack([slots[..., 0].sum(1), turns.sum(1)], -1).clip(-MOST_TURNS, MOST_TURNS)
         self.turns = sums.reshape(self.count, -1).astype(np.float32)
         self.want = {"actions": arrays["actions"], "targets": arrays["targets"]}
 

@@ -4,7 +4,7 @@ it on: what onnx.py tests itself with. Nothing of the graphs' code is used.
 
 import numpy as np
 
-ACTIONS, SCALARS, READ_CHANNELS, MAPS = 8, 6, 8, 3
+ACTIONS, SCALARS, READ_CHANNELS, MAPS = 8, 6, 6, 3
 LEAK, EPSILON = 0.01, 1e-5
 
 
@@ -96,10 +96,10 @@ def answer_of(w, config, case):
                         token[slot, antenna] = read
                 tokens.append(leaky_of(norm_of(w, "tags.norm", dense_of(w, "tags.encoder", token.ravel()))))
             moved = sequence_of(w, "tags", config["tags"], np.array(tokens))
-            turns = np.zeros((antennas, 3))
+            turns = np.zeros((antennas, 2))
             for antenna in range(min(antennas, case["reads"].shape[2])):
                 for read in case["reads"][:, tag, antenna]:
-                    turns[antenna] += read[0], np.arctan2(read[2], read[3]) / np.pi, read[6]
+                    turns[antenna] += read[0], np.arctan2(read[2], read[3]) / np.pi
             named = dense_of(w, "tags.names", case["names"][tag])
             known = np.concatenate([moved, named, turns.clip(-8, 8).ravel()])
             tags.append(leaky_of(dense_of(w, "tags.join", known)))
@@ -164,7 +164,7 @@ def random_weights(config, random):
         norm("tags.norm", tags["width"])
         sequence("tags", tags)
         dense("tags.names", config["name_dimensions"], tags["width"])
-        dense("tags.join", 2 * tags["width"] + 3 * config["antennas"], tags["width"])
+        dense("tags.join", 2 * tags["width"] + 2 * config["antennas"], tags["width"])
     a, b = radar["width"], tags["width"]
     widths = {"concat": (a + 2 * b, a + b), "none": (a, b), "rfid": (2 * b, b), "radar": (a, a)}[fusion]
     inner = a if fusion != "rfid" else b

@@ -29,7 +29,7 @@ pub mod scalar {
 }
 
 /// Values of a frame for each tag and antenna; see [`read`].
-pub const READ_CHANNELS: usize = 8;
+pub const READ_CHANNELS: usize = 6;
 /// Places of what the reader tells of one tag at one antenna in one frame.
 pub mod read {
     /// Phase difference over the frame in half turns where it is known for sure, else 0.
@@ -43,21 +43,11 @@ pub mod read {
     pub const READS: usize = 4;
     /// RSSI over its mean of late, in units of 10 dB, between -2 and 2; 0 without a read.
     pub const RSSI: usize = 5;
-    /// How fast the phase turns by reads that follow each other soon, half turns in [`RATE_S`](super::RATE_S); 0 without such.
-    pub const RATE: usize = 6;
-    /// Time in the frame that the rate rests on, in units of half of [`RATE_S`](super::RATE_S).
-    pub const RATED: usize = 7;
 }
 
-/// Time in which a rate is counted, s: the frame period of the profile `bridge`.
-pub const RATE_S: f32 = 0.1;
-/// Rate at most, half turns in [`RATE_S`]: 2 m/s at 920 MHz, where steps of 20 ms fold.
-pub const MOST_RATE: f32 = 2.5;
-
-/// Values of a tag's net turn over a window at each antenna, in half turns: sum of the differences that are known for sure, sum
-/// of the turns between neighbouring reads, which bridges holes and folds where a tag was fast, and sum of the rates, which does
-/// not fold but sees nothing between an antenna's visits.
-pub const TURN_CHANNELS: usize = 3;
+/// Values of a tag's net turn over a window at each antenna, in half turns: sum of the differences that are known for sure, and
+/// sum of the turns between neighbouring reads, which bridges holes and folds where a tag was fast.
+pub const TURN_CHANNELS: usize = 2;
 /// Net turn at most, half turns: a quarter of a wavelength each, so 0.65 m at 920 MHz.
 pub const MOST_TURNS: f32 = 8.0;
 

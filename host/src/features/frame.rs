@@ -2,7 +2,7 @@
 
 use std::f32::consts::PI;
 
-use rfhoi_network::sample::{Frame, MOST_RATE, RATE_S, READ_CHANNELS, SCALARS, read, scalar};
+use rfhoi_network::sample::{Frame, READ_CHANNELS, SCALARS, read, scalar};
 use rfhoi_shared::units::BridgeTime;
 use rfhoi_shared::wire::Covariance;
 
@@ -109,10 +109,6 @@ impl FrameFeatures {
             if let Some(dbm) = sighting.rssi_dbm.filter(|dbm| dbm.is_finite()) {
                 let over = strength.over_mean(dbm, frame.end) / RSSI_DB;
                 values[read::RSSI] = over.clamp(-MOST_RSSI, MOST_RSSI);
-            }
-            if let Some(rate) = sighting.rate.filter(|rate| rate.is_finite()) {
-                values[read::RATE] = (rate * RATE_S / PI).clamp(-MOST_RATE, MOST_RATE);
-                values[read::RATED] = sighting.rate_s / (0.5 * RATE_S);
             }
         }
     }

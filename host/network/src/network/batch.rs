@@ -243,7 +243,7 @@ pub(crate) fn turns_of_tag(
 /// What one tag at one antenna in one frame adds to its net turn, half turns.
 pub(crate) fn turns_of_read(values: &[f32]) -> [f32; TURN_CHANNELS] {
     let turn = values[read::TURN].atan2(values[read::TURN + 1]) / core::f32::consts::PI;
-    [values[read::DIFFERENCE], turn, values[read::RATE]]
+    [values[read::DIFFERENCE], turn]
 }
 
 /// Net turns within what the network knows.

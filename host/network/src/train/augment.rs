@@ -155,7 +155,6 @@ fn reverse(sample: &mut Sample, reversed: &[usize]) {
     for read in backwards.reads.chunks_exact_mut(READ_CHANNELS) {
         read[read::DIFFERENCE] *= -1.0;
         read[read::TURN] *= -1.0;
-        read[read::RATE] *= -1.0;
     }
     sample.frames = backwards;
     sample.action = action;
