@@ -36,6 +36,7 @@ impl Work for LayerNorm<'_> {
 
 impl LayerNorm<'_> {
     /// `R` rows from `first` on.
+    #[expect(clippy::needless_range_loop, reason = "of each group, all rows")]
     #[inline(always)]
     fn rows<I: Isa, const R: usize>(&self, isa: I, first: usize) {
         let width = self.gamma.len();
