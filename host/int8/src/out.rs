@@ -101,11 +101,11 @@ impl<'a> Sink<'a> {
     /// Puts the first `count` lanes at `at` and after.
     ///
     /// # Safety
-    /// These places are within the output, at most [`LANES`] of them, and no other thread uses them at the same time.
+    /// No other thread may use these places at the same time.
     #[inline(always)]
     pub(crate) unsafe fn store<I: Isa>(self, isa: I, at: usize, y: I::Floats, count: usize) {
-        debug_assert!(count <= LANES && count <= self.len && at <= self.len - count, "beyond the output");
-        // SAFETY: within the slice borrowed for 'a, and the caller has these places to itself.
+        assert!(count <= LANES && count <= self.len && at <= self.len - count, "beyond the output");
+        // SAFETY: just checked to lie within the slice borrowed for 'a; the caller has these places to itself.
         unsafe {
             match self.form {
                 Form::F32(to) => put(slice::from_raw_parts_mut(to.add(at), count), &isa.store(y)),

@@ -8,7 +8,7 @@ use crate::sample::MAX_FRAMES;
 /// Base of the wavelengths.
 const BASE: f64 = 10_000.0;
 
-/// Tables by width: sines of a window cost as much as all products of a small network.
+/// Tables by width, so that no answer has to compute sines.
 static TABLES: Mutex<BTreeMap<usize, Arc<[f32]>>> = Mutex::new(BTreeMap::new());
 
 /// At least `[length][width]`: sine at even places, cosine at odd ones.
