@@ -159,6 +159,7 @@ impl Stage {
             objects: &[label.object],
             offsets: &[],
             manner,
+            stay: None,
         };
         let performance = Generated::new(&brief, rng).unwrap();
         let joints = |time_s| performance.joints(time_s);

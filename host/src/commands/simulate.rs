@@ -12,7 +12,7 @@ use rand_chacha::ChaCha8Rng;
 use rfhoi::atomic;
 use rfhoi::hoi::{Action, CATEGORIES, Category, Object, UNSEEN};
 use rfhoi::simulate::cost;
-use rfhoi::simulate::draw::{Draw, Purpose, Wanted, draw, stream};
+use rfhoi::simulate::draw::{self, Draw, Purpose, Wanted, draw, stream};
 use rfhoi::simulate::effects::{Domain, Effects};
 use rfhoi::simulate::portrait::{Caption, portray};
 use rfhoi::simulate::recording;
@@ -123,6 +123,10 @@ struct SetArgs {
     /// are (the paper has 78); for --domain site. By default all of that is drawn for each sample.
     #[arg(long, value_parser = clap::value_parser!(u32).range(1..), conflicts_with_all = NOT_SET)]
     setups: Option<u32>,
+    /// Draw so many rooms, with walls, furniture and people of their own, around what hangs on the scene's wall; by default the
+    /// scenes are taken as they are.
+    #[arg(long, value_parser = clap::value_parser!(u32).range(1..=1000), conflicts_with_all = NOT_SET)]
+    rooms: Option<u32>,
     /// Replace objects where the action would be the same (the paper's algorithm 1).
     #[arg(long, conflicts_with_all = NOT_SET)]
     expand: bool,
@@ -287,14 +291,18 @@ impl Simulate {
     }
 
     fn write_set(&self, folder: &Path, json: bool) -> anyhow::Result<()> {
-        let SetArgs { count, categories, nothing, setups, expand, workers } = self.set;
+        let SetArgs { count, categories, nothing, setups, rooms, expand, workers } = self.set;
         ensure!((0.0..=1.0).contains(&nothing), "--nothing {nothing} is no share: give 0 to 1");
         let categories = match categories {
             CategoriesName::Seen => CATEGORIES.to_vec(),
             CategoriesName::Unseen => UNSEEN.to_vec(),
             CategoriesName::All => CATEGORIES.iter().chain(&UNSEEN).copied().collect(),
         };
-        let scenes = self.scenes()?;
+        let mut scenes = self.scenes()?;
+        if let Some(rooms) = rooms {
+            ensure!(scenes.len() == 1, "--rooms are drawn around one scene: give --scene once");
+            scenes = draw::rooms(self.domain(), self.seed, &scenes[0], rooms);
+        }
         ensure!(
             setups.is_none() || matches!(self.domain, DomainName::Site),
             "--setups is for --domain site: people of train stand anywhere"

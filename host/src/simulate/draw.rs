@@ -19,6 +19,8 @@ const DISTANCE_M: core::ops::Range<f32> = 1.0..3.0;
 const BODY_M: f32 = 0.05;
 /// Bearings to either side, deg.
 const BEARING_DEG: f32 = 45.0;
+/// Points that are tried for one at which somebody may stand.
+const TRIES: usize = 200;
 /// Directions in which people look, deg; 0 is towards the radar.
 pub const FACING_DEG: [f32; 7] = [-90.0, -60.0, -30.0, 0.0, 30.0, 60.0, 90.0];
 
@@ -81,6 +83,9 @@ pub struct Draw {
     pub bearing_deg: f32,
     /// Where the person looks, deg; 0 is towards the radar.
     pub facing_deg: f32,
+    /// What is done from the first to the last of several performances, if it is one of them.
+    #[serde(skip)]
+    pub stay: Option<Vec<Category>>,
     #[serde(skip)]
     place: Vec2,
 }
@@ -100,6 +105,10 @@ pub enum Purpose {
     Rfid,
     /// Which setups there are.
     Setups,
+    /// Which rooms there are.
+    Rooms,
+    /// Where things are during several performances.
+    Stay,
 }
 
 /// Who stands where.
@@ -108,6 +117,13 @@ struct Setup {
     scene: usize,
     person: usize,
     place: Place,
+}
+
+/// `count` rooms drawn around the radar, the reader and the tags of `scene`; the first are the same however many there are.
+pub fn rooms(domain: Domain, seed: u64, scene: &Scene, count: u32) -> Vec<Scene> {
+    (0..count)
+        .map(|n| scene.other_room(n as usize + 1, &mut stream(domain, seed, n, Purpose::Rooms)))
+        .collect()
 }
 
 /// How many setups scenes have.
@@ -248,24 +264,29 @@ fn one(
         distance_m: 0.0,
         bearing_deg: 0.0,
         facing_deg: place.facing_rad.to_degrees(),
+        stay: None,
         place: place.position,
     };
     draw.move_to(place.position, &scenes[draw.scene]);
     draw
 }
 
-/// Where somebody stands: in `train` anywhere the paper had people, in `site` at one of the scene's places, facing
-/// where the room lets their hands be.
+/// Where somebody stands: in `train` anywhere the paper had people, as far as the room is free there, in `site` at one of the
+/// scene's places; facing where the room lets their hands be.
 fn stand(domain: Domain, scene: &Scene, rng: &mut ChaCha8Rng) -> Place {
     let facing = |rng: &mut ChaCha8Rng| FACING_DEG.choose(rng).copied().unwrap_or(0.0).to_radians();
     match domain {
         Domain::Train => {
             // A coarse profile may see less far than the paper's people were.
             let farthest = (scene.radar.depth_m - BODY_M).clamp(DISTANCE_M.start + BODY_M, DISTANCE_M.end);
-            let distance_m = rng.random_range(DISTANCE_M.start..farthest);
-            let bearing = scene.radar.yaw_rad + rng.random_range(-BEARING_DEG..BEARING_DEG).to_radians();
-            let way = Vec2::new(libm::sinf(bearing), libm::cosf(bearing)) * distance_m;
-            Place { position: scene.radar.position.truncate() + way, facing_rad: facing(rng) }
+            let mut anywhere = || {
+                let distance_m = rng.random_range(DISTANCE_M.start..farthest);
+                let bearing = scene.radar.yaw_rad + rng.random_range(-BEARING_DEG..BEARING_DEG).to_radians();
+                let way = Vec2::new(libm::sinf(bearing), libm::cosf(bearing)) * distance_m;
+                Place { position: scene.radar.position.truncate() + way, facing_rad: facing(rng) }
+            };
+            let free = (0..TRIES).map(|_| anywhere()).find(|place| scene.admits(place));
+            free.unwrap_or_else(|| scene.places[rng.random_range(0..scene.places.len())])
         }
         Domain::Site => {
             let place = scene.places[rng.random_range(0..scene.places.len())];
@@ -358,6 +379,18 @@ mod tests {
         let nothing = draws.iter().filter(|d| d.label.is_none());
         assert_eq!(nothing.clone().count(), 34);
         assert!(nothing.clone().all(|d| d.target.is_none() && d.objects.len() == SAMPLE_TAGS));
+    }
+
+    #[test]
+    fn people_of_train_stand_free_in_any_room() {
+        let hall = Scene::named("open-room").unwrap();
+        let scenes = rooms(Domain::Train, 3, &hall, 6);
+        assert_eq!(scenes[..2], rooms(Domain::Train, 3, &hall, 2));
+        let draws = draw(&wanted(Domain::Train), &scenes);
+        for d in &draws {
+            assert!(scenes[d.scene].admits(&d.place()), "{d:?}");
+        }
+        assert_eq!(draws.iter().map(|d| d.scene).collect::<BTreeSet<_>>().len(), 6);
     }
 
     #[test]

@@ -10,7 +10,7 @@ use rfhoi_shared::units::{BridgeTime, Kilohertz};
 
 use super::draw::{Draw, Purpose, stream};
 use super::effects::{Domain, Effects};
-use super::perform::{Brief, BriefError, Generated, Manner};
+use super::perform::{Brief, BriefError, Generated, Manner, Stay};
 use super::radar::{FrameMaps, Radar, RadarError};
 use super::rfid::{self, Options as ReadOptions, ReaderSession, Situation};
 use super::scene::{Scene, Tag};
@@ -118,6 +118,7 @@ pub fn perform(
         objects: &draw.performed_objects(),
         offsets: &offsets,
         manner: domain.manner(),
+        stay: draw.stay.clone().map(|labels| Stay { labels, rng: stream(domain, seed, 0, Purpose::Stay) }),
     };
     let mut rng = stream(domain, seed, draw.sample, Purpose::Motion);
     let generated = Generated::new(&brief, &mut rng)

@@ -1,7 +1,7 @@
 //! Performances one after the other, in one session of the reader.
 //!
-//! Between two of them everything is at rest for [`PAUSE_S`]; in the middle of it the next scene is set, as a film is cut: things
-//! may lie elsewhere from one frame to the next. Tags, person and place stay the same.
+//! Between two of them everything is at rest for [`PAUSE_S`]; in the middle of it the next scene is set, as a film is cut. Things
+//! stay where they are, but for the one that was acted on: it is back where it was, or where what comes next finds it.
 
 use glam::Vec3;
 use rand_chacha::ChaCha8Rng;
@@ -23,6 +23,7 @@ pub const PAUSE_S: f64 = 2.0;
 /// is needed that is not there. `None` where more are needed than there are.
 pub fn draws(mut first: Draw, then: &[Option<Category>]) -> Option<Vec<Draw>> {
     let labels: Vec<Option<Category>> = [first.label].into_iter().chain(then.iter().copied()).collect();
+    first.stay = (!then.is_empty()).then(|| labels.iter().flatten().copied().collect());
     let needed: Vec<Object> = labels.iter().flatten().map(|label| label.object).collect();
     for object in &needed {
         if !first.objects.contains(object) {
@@ -169,6 +170,17 @@ mod tests {
         assert!(take == 2 && (s - 0.5).abs() < 1e-9);
         let target = draws[2].target.unwrap();
         assert_eq!(session.tag(target, session.begins_s()[2] + 1.0), acted[2].0.tag(target, 1.0));
+        // What nobody touches stays where it is, through all of it.
+        let still = |tag: &usize| draws.iter().all(|draw| draw.target != Some(*tag));
+        let untouched: Vec<usize> = (0..first.objects.len()).filter(still).collect();
+        assert!(untouched.len() > 3);
+        for tag in untouched {
+            let at = session.tag(tag, 0.0);
+            assert!(
+                [a + 1.5, session.duration_s()].iter().all(|time_s| session.tag(tag, *time_s) == at),
+                "{tag}"
+            );
+        }
         // More things than there are tags.
         let all: Vec<_> = CATEGORIES.iter().copied().map(Some).collect();
         assert_eq!(super::draws(first, &all), None);

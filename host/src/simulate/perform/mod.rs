@@ -57,6 +57,17 @@ pub struct Brief<'a> {
     pub offsets: &'a [Vec3],
     /// How they move.
     pub manner: Manner,
+    /// What it shares with the performances before and after it, if it is one of several.
+    pub stay: Option<Stay>,
+}
+
+/// What performances one after the other share: where things are, and the hand that acts.
+#[derive(Debug, Clone)]
+pub struct Stay {
+    /// All that is done.
+    pub labels: Vec<Category>,
+    /// What the places are drawn from, the same for each of them.
+    pub rng: ChaCha8Rng,
 }
 
 /// Why a brief cannot be performed.
@@ -104,8 +115,14 @@ impl Generated {
         let ranges = brief.manner.ranges();
         let body = Body::new(brief.person.height_m, brief.person.build);
         let lengths = *body.lengths();
-        let side = if rng.random_bool(ranges.left) { Side::Left } else { Side::Right };
-        let workplace = Workplace::new(brief.objects, brief.label, &lengths, side, rng);
+        let lay_out = |labels: &[Category], rng: &mut ChaCha8Rng| {
+            let side = if rng.random_bool(ranges.left) { Side::Left } else { Side::Right };
+            (side, Workplace::new(brief.objects, labels, brief.label, &lengths, side, rng))
+        };
+        let (side, workplace) = match &brief.stay {
+            Some(Stay { labels, rng }) => lay_out(labels, &mut rng.clone()),
+            None => lay_out(brief.label.as_slice(), rng),
+        };
         let mut planner = Planner::new(lengths, side, ranges, rng);
         planner.wait(&ranges.before_s);
         let begin_s = planner.now_s;

@@ -47,6 +47,7 @@ fn sample(label: Option<Category>, manner: Manner, seed: u64) -> Generated {
         label,
         objects: &objects,
         manner,
+        stay: None,
     };
     Generated::new(&brief, &mut ChaCha8Rng::seed_from_u64(seed)).unwrap()
 }
@@ -326,6 +327,7 @@ fn impossible_briefs_are_refused() {
             label,
             objects,
             manner: Manner::MinimumJerk,
+            stay: None,
         };
         Generated::new(&brief, &mut ChaCha8Rng::seed_from_u64(0)).unwrap_err()
     };

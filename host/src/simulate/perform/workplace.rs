@@ -30,9 +30,10 @@ fn upright(at: Vec3, yaw: f32) -> Pose {
 }
 
 impl Workplace {
-    /// Lays out `objects` for a person who acts with the hand of `side`.
+    /// Lays out `objects` for a person who does all of `labels` with the hand of `side`, as they are before `label`.
     pub(super) fn new(
         objects: &[Object],
+        labels: &[Category],
         label: Option<Category>,
         lengths: &Lengths,
         side: Side,
@@ -41,20 +42,20 @@ impl Workplace {
         let height = rng.random_range(0.72..0.76);
         let near = rng.random_range(0.22..0.30);
         let surface = Vec3::new(0.0, near + 0.5 * TABLE_DEPTH, height);
-        let target = label.map(|l| l.object);
+        let is_target = |object: Object| labels.iter().any(|label| label.object == object);
         let mut taken: Vec<(Vec3, f32)> = Vec::new();
-        if let Some(Object::Microwave) = target {
+        if is_target(Object::Microwave) {
             // Its door needs room.
             taken.push((surface + Vec3::new(0.2 * side.sign(), -0.1, 0.0), 0.35));
         }
-        // The target chooses its place first, then the largest.
+        // What is acted on chooses its place first, then the largest.
         let mut order: Vec<usize> = (0..objects.len()).collect();
-        order.sort_by_key(|&i| (Some(objects[i]) != target, objects[i] != Object::Microwave));
+        order.sort_by_key(|&i| (!is_target(objects[i]), objects[i] != Object::Microwave));
         let mut things: Vec<Option<(Thing, Pose)>> = vec![None; objects.len()];
         for i in order {
             let object = objects[i];
-            let acted_on = Some(object) == target;
-            let action = label.filter(|_| acted_on).map(|l| l.action);
+            let acted_on = is_target(object);
+            let action = label.filter(|label| label.object == object).map(|label| label.action);
             let mirrored = object == Object::Cabinet && rng.random_bool(0.5);
             let thing =
                 if object == Object::Table { table(height) } else { Thing::new(object, action, mirrored) };

@@ -72,6 +72,7 @@ mod tests {
             objects: &[],
             offsets: &[],
             manner: perform::Manner::MinimumJerk,
+            stay: None,
         };
         let rng = &mut ChaCha8Rng::seed_from_u64(1);
         let somebody = perform::Generated::new(&brief, rng).unwrap();

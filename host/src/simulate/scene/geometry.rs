@@ -2,7 +2,7 @@
 
 use glam::{Mat3, Vec2, Vec3};
 
-use super::check::WORKPLACE_M;
+use super::check::{FIELD_OF_VIEW_RAD, NEAREST_M, PERSON_M, WORKPLACE_M};
 use super::{Furniture, Place, Room, Scene};
 use crate::simulate::Surface;
 
@@ -131,6 +131,24 @@ impl Scene {
         let hands = place.hands(self.radar.position);
         self.room.contains(hands.extend(self.room.min.z))
             && !self.furniture.iter().any(|f| f.is_between(&self.room, place.position, hands))
+    }
+
+    /// Whether a person at `place` stands free, has room for their hands, and is seen by the radar.
+    pub fn admits(&self, place: &Place) -> bool {
+        let Self { room, radar, furniture, .. } = self;
+        let (stand, floor) = (place.position, place.position.extend(room.min.z));
+        let margin = Vec3::new(PERSON_M, PERSON_M, 0.0);
+        let chest = place.chest(room);
+        let seen = radar.axes() * (chest - radar.position);
+        let low = || furniture.iter().filter(|piece| piece.is_low(room));
+        room.contains(floor - margin)
+            && room.contains(floor + margin)
+            && low().all(|piece| piece.distance_on_floor(stand) >= PERSON_M)
+            && self.is_free(place)
+            && (NEAREST_M..).contains(&stand.distance(radar.position.truncate()))
+            && seen.length() <= radar.depth_m
+            && libm::atan2f(seen.x, seen.y).abs() <= FIELD_OF_VIEW_RAD
+            && !furniture.iter().any(|piece| piece.entered(radar.position, chest).is_some())
     }
 
     /// The furniture as the radar sees it: triangles with outward normals, and their vertices, m. Walls are no part of

@@ -10,6 +10,7 @@ mod error;
 mod geometry;
 mod keys;
 mod read;
+mod rooms;
 
 use std::borrow::Cow;
 use std::path::Path;
