@@ -41,7 +41,7 @@ impl Case {
         }
         let mut name = || (0..config.name_dimensions).map(|_| rng.random_range(-1.0..1.0)).collect();
         let names = (0..TAGS).map(|_| name()).collect();
-        let sample = Sample { frames, objects: (0..TAGS).collect(), action: None, target: None, pose: None };
+        let sample = Sample { frames, objects: (0..TAGS).collect(), ..Sample::default() };
         Self { model, sample, names }
     }
 

@@ -9,6 +9,14 @@ pub const LEAK: f64 = 0.01;
 /// Of layer normalisation: PyTorch's default.
 pub const EPSILON: f64 = 1e-5;
 
+/// Actions of the vocabulary, and one for none of them.
+pub const ACTIONS: usize = 8;
+
+/// Of files that do not say it.
+fn actions() -> usize {
+    ACTIONS
+}
+
 /// Shape of a network. All that decides how many weights there are and how they are connected.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -32,6 +40,9 @@ pub struct NetworkConfig {
     pub tags: Branch,
     /// What the two heads see.
     pub fusion: Fusion,
+    /// Classes of the action's head; samples without an action are of the last one.
+    #[serde(default = "actions")]
+    pub actions: usize,
     /// Share of values left out while training.
     pub dropout: f64,
 }
@@ -190,6 +201,7 @@ impl NetworkConfig {
                 temporal: Temporal::Transformer,
             },
             fusion: Fusion::Concat,
+            actions: ACTIONS,
             dropout: 0.1,
         }
     }
@@ -214,6 +226,7 @@ impl NetworkConfig {
             radar: branch(64, 2, 1),
             tags: branch(64, 2, 2),
             fusion: Fusion::Concat,
+            actions: ACTIONS,
             dropout: 0.1,
         }
     }
@@ -230,6 +243,7 @@ impl NetworkConfig {
         range("points", self.points, 8, 256)?;
         range("antennas", self.antennas, 1, MAX_ANTENNAS)?;
         range("name_dimensions", self.name_dimensions, 1, 1024)?;
+        range("actions", self.actions, 2, 1024)?;
         for (name, branch) in [("radar", self.radar), ("tags", self.tags)] {
             range("width", branch.width, 4, 4096)?;
             range("layers", branch.layers, 1, 12)?;

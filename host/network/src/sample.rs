@@ -147,6 +147,8 @@ pub struct Sample {
     pub target: Option<usize>,
     /// Where the person is, if it was written down.
     pub pose: Option<Pose>,
+    /// Which of the frames one who looks for movement would cut out, if that is known.
+    pub window: Option<Range<usize>>,
 }
 
 /// Where a person is and looks, as seen from the radar.

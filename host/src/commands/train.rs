@@ -168,6 +168,7 @@ pub(super) struct RecipeArgs {
 
 impl RecipeArgs {
     pub(super) fn apply(&self, mut recipe: Recipe) -> anyhow::Result<Recipe> {
+        recipe.seed = self.seed;
         recipe.epochs = self.epochs.unwrap_or(recipe.epochs);
         recipe.batch = self.batch.unwrap_or(recipe.batch);
         recipe.learning_rate = self.learning_rate.unwrap_or(recipe.learning_rate);
@@ -232,6 +233,9 @@ pub(super) struct Evaluate {
     /// Seed of that draw.
     #[arg(long, default_value_t = 1)]
     split_seed: u64,
+    /// Take of each sample only what `rfhoi recognize` would cut out of it, and only samples of which it finds most.
+    #[arg(long)]
+    windows: bool,
 }
 
 /// `rfhoi quantize`.
@@ -499,9 +503,15 @@ impl Evaluate {
     pub(super) fn run(&self, json: bool) -> anyhow::Result<()> {
         let names = names()?;
         let model = model(&self.model)?;
-        let data = data(&self.set, settings(&model)?, &names)?;
-        let split = learn::random_split(data.set.samples.len(), self.share, self.split_seed);
-        let samples = data.samples(&split.test);
+        let mut data = data(&self.set, settings(&model)?, &names)?;
+        let mut test = learn::random_split(data.set.samples.len(), self.share, self.split_seed).test;
+        if self.windows {
+            let all = test.len();
+            test.retain(|&place| data.set.samples[place].window.is_some());
+            data.cut();
+            tracing::warn!("{} of {all} samples have a window that holds most of what is done", test.len());
+        }
+        let samples = data.samples(&test);
         let progress = Progress::new("measuring")?;
         let metrics = learn::metrics(&model, &data, &samples, &mut |share| progress.show(share))?;
         drop(progress);

@@ -29,6 +29,8 @@ pub struct FrameFeatures {
     virtual_antennas: Option<usize>,
     /// By tag, then by antenna.
     strengths: Vec<Strength>,
+    /// What signal strengths are told over, dBm; `None` is each tag's own mean of late.
+    usual_dbm: Option<f32>,
     maps: Vec<u8>,
     scalars: [f32; SCALARS],
     reads: Vec<f32>,
@@ -65,11 +67,17 @@ impl FrameFeatures {
             antennas,
             virtual_antennas,
             strengths: Vec::new(),
+            usual_dbm: None,
             maps: Vec::new(),
             scalars: [0.0; SCALARS],
             reads: Vec::new(),
             covariance: vec![0.0; virtual_antennas.map_or(0, |n| n * n)],
         }
+    }
+
+    /// The same, with signal strengths over `usual_dbm` for all tags: for recordings too short for a mean.
+    pub fn over(self, usual_dbm: f32) -> Self {
+        Self { usual_dbm: Some(usual_dbm), ..self }
     }
 
     /// The features of the next frame, of as many points and tags as it has. All of them are finite.
@@ -107,7 +115,10 @@ impl FrameFeatures {
             }
             values[read::READS] = (sighting.reads as f32 / MOST_READS).min(1.0);
             if let Some(dbm) = sighting.rssi_dbm.filter(|dbm| dbm.is_finite()) {
-                let over = strength.over_mean(dbm, frame.end) / RSSI_DB;
+                let over = match self.usual_dbm {
+                    Some(usual_dbm) => dbm - usual_dbm,
+                    None => strength.over_mean(dbm, frame.end),
+                } / RSSI_DB;
                 values[read::RSSI] = over.clamp(-MOST_RSSI, MOST_RSSI);
             }
         }
@@ -123,6 +134,11 @@ fn scalars(frame: &AlignedFrame) -> [f32; SCALARS] {
     scalars[scalar::CELLS] = (1.0 + frame.moving_cells.unwrap_or(0) as f32).log2() / CELLS_OCTAVES;
     scalars[scalar::PRESENT] = f32::from(u8::from(frame.sent));
     scalars
+}
+
+/// Moving cells of a frame with these scalars; 0 where the radar did not send it.
+pub fn moving_cells(scalars: &[f32]) -> u32 {
+    ((scalars[scalar::CELLS] * CELLS_OCTAVES).exp2() - 1.0).round() as u32
 }
 
 /// Brings a covariance to a mean power of 1; all to 0 where there is none, or one of another array.
@@ -165,6 +181,15 @@ mod tests {
         for wrong in [covariance(2, &packed[..4]), covariance(3, &[0.0; 9]), covariance(3, &[f32::NAN; 9])] {
             normalise(Some(&wrong), &mut out);
             assert_eq!(out, [0.0; 9]);
+        }
+    }
+
+    #[test]
+    fn moving_cells_come_back() {
+        let mut scalars = [0.0; SCALARS];
+        for cells in [0, 1, 2, 3, 6, 100, 1_000, 4_096] {
+            scalars[scalar::CELLS] = (1.0 + cells as f32).log2() / CELLS_OCTAVES;
+            assert_eq!(moving_cells(&scalars), cells);
         }
     }
 

@@ -14,7 +14,7 @@ mod frame;
 pub mod set;
 mod settings;
 
-pub use frame::FrameFeatures;
+pub use frame::{FrameFeatures, moving_cells};
 pub use settings::{AngleMap, Settings};
 
 /// Of what features mean; to be counted up when the same packets give others.

@@ -1,14 +1,16 @@
 //! A data set as the network takes it, with the names' vectors.
 
+use std::ops::Range;
 use std::path::Path;
 
 use rfhoi_network::names::Names;
-use rfhoi_network::sample::Sample;
+use rfhoi_network::sample::{SCALARS, Sample};
 use rfhoi_network::train::Material;
 
-use crate::features::Settings;
 use crate::features::set::{self, SetError, SetFeatures};
+use crate::features::{Settings, moving_cells};
 use crate::hoi::{Action, Object};
+use crate::recognize::segment;
 
 /// A data set and what its objects' names mean.
 #[derive(Debug, Clone)]
@@ -24,6 +26,9 @@ pub struct Data {
     /// What each action is backwards.
     reversed: Vec<usize>,
 }
+
+/// Share of what is done that a window must hold to be learnt from as a whole.
+const MOSTLY: f64 = 0.6;
 
 /// Why there is no data.
 #[derive(Debug, thiserror::Error)]
@@ -56,7 +61,11 @@ pub fn load(
     progress: &mut dyn FnMut(f64) -> bool,
 ) -> Result<Data, DataError> {
     let options = set::Options { settings, profile: None, workers };
-    let set = set::load(folder, &options, progress)?;
+    let mut set = set::load(folder, &options, progress)?;
+    let (frame_s, setups) = (set.frame_s, &set.setups);
+    for (sample, setup) in set.samples.iter_mut().zip(setups) {
+        sample.window = window(sample, frame_s, setup.interaction_s);
+    }
     if !set.actions.iter().map(String::as_str).eq(Action::ALL.iter().map(|action| action.name())) {
         return Err(DataError::Actions);
     }
@@ -91,7 +100,33 @@ pub fn load(
     })
 }
 
+/// The frames that a recognizer would cut out for what is done in a sample from `begin_s` to `end_s`, or, where that is 0, for
+/// nothing: those of the segment that holds most of it; `None` where that is less than [`MOSTLY`].
+fn window(sample: &Sample, frame_s: f64, [begin_s, end_s]: [f32; 2]) -> Option<Range<usize>> {
+    let scalars = sample.frames.scalars.chunks_exact(SCALARS);
+    let done = match sample.action {
+        Some(_) => [begin_s, end_s].map(|s| (f64::from(s) / frame_s).round() as usize),
+        None => [0, sample.frames.len()],
+    };
+    let shared = |frames: &Range<usize>| frames.end.min(done[1]).saturating_sub(frames.start.max(done[0]));
+    let segments = segment::segments(scalars.map(moving_cells), frame_s).into_iter();
+    let best = segments.map(|segment| segment.frames).max_by_key(shared)?;
+    let least = if sample.action.is_some() { MOSTLY * (done[1] - done[0]) as f64 } else { 0.0 };
+    (shared(&best) as f64 >= least).then_some(best)
+}
+
 impl Data {
+    /// Leaves of each sample that has a window nothing else.
+    pub fn cut(&mut self) {
+        for sample in &mut self.set.samples {
+            if let Some(window) = sample.window.take() {
+                let frames = sample.frames.part(window);
+                sample.window = Some(0..frames.len());
+                sample.frames = frames;
+            }
+        }
+    }
+
     /// Samples at these places.
     pub fn samples(&self, places: &[usize]) -> Vec<&Sample> {
         places.iter().map(|&place| &self.set.samples[place]).collect()

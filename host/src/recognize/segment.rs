@@ -22,9 +22,9 @@ const QUIET_S: f64 = 1.5;
 const LONGEST_S: f64 = 8.0;
 /// Shortest, s.
 const SHORTEST_S: f64 = 0.6;
-/// What goes along before and after, s: samples that the network was trained with begin and end with 0.5 s of rest, of which
-/// up to 0.4 s were cut off.
-const PADDING_S: f64 = 0.3;
+/// What goes along before and after, s: a movement begins and ends with less than [`BEGIN_CELLS`]. The network is trained with
+/// windows that are cut like this.
+const PADDING_S: f64 = 0.6;
 
 /// Why a segment ended.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -165,15 +165,20 @@ impl Segmenter {
     }
 }
 
+/// Segments of frames that are `frame_s` apart, by the moving cells of each.
+pub fn segments(levels: impl IntoIterator<Item = u32>, frame_s: f64) -> Vec<Segment> {
+    let mut segmenter = Segmenter::new(frame_s);
+    let mut found: Vec<_> = levels.into_iter().filter_map(|level| segmenter.push(level)).collect();
+    found.extend(segmenter.interrupt());
+    found
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
 
     fn segments(levels: impl IntoIterator<Item = u32>) -> Vec<Segment> {
-        let mut segmenter = Segmenter::new(0.1);
-        let mut found: Vec<_> = levels.into_iter().filter_map(|level| segmenter.push(level)).collect();
-        found.extend(segmenter.interrupt());
-        found
+        super::segments(levels, 0.1)
     }
 
     fn levels(runs: &[(u32, usize)]) -> Vec<u32> {
@@ -183,7 +188,7 @@ mod tests {
     #[test]
     fn what_moves_is_found_with_rest_around_it() {
         let found = segments(levels(&[(0, 20), (12, 25), (0, 10), (5, 4), (0, 40)]));
-        let want = Segment { frames: 17..62, moved: 39, ended: Ended::Quiet };
+        let want = Segment { frames: 14..65, moved: 39, ended: Ended::Quiet };
         assert_eq!(found, [want]);
     }
 
@@ -198,7 +203,7 @@ mod tests {
     #[test]
     fn what_lasts_is_cut_where_it_is_quietest() {
         let found = segments(levels(&[(20, 55), (7, 1), (20, 60), (0, 30)]));
-        assert_eq!(found.iter().map(|s| s.frames.clone()).collect::<Vec<_>>(), [0..55, 55..119]);
+        assert_eq!(found.iter().map(|s| s.frames.clone()).collect::<Vec<_>>(), [0..55, 55..122]);
         assert_eq!((found[0].ended, found[1].ended), (Ended::Cut, Ended::Quiet));
         // Everything moves all the time.
         let found = segments(levels(&[(u32::MAX, 6_000)]));
@@ -211,7 +216,7 @@ mod tests {
     fn an_interruption_ends_what_is_under_way() {
         let mut segmenter = Segmenter::new(0.1);
         levels(&[(0, 5), (9, 3)]).into_iter().for_each(|level| assert_eq!(segmenter.push(level), None));
-        let want = Segment { frames: 2..8, moved: 3, ended: Ended::Stream };
+        let want = Segment { frames: 0..8, moved: 3, ended: Ended::Stream };
         assert_eq!(segmenter.interrupt(), Some(want));
         assert_eq!(segmenter.interrupt(), None);
         let after = levels(&[(9, 20), (0, 15)]).into_iter().find_map(|level| segmenter.push(level));

@@ -10,7 +10,7 @@ use burn::tensor::activation;
 use burn::tensor::{Device, Tensor};
 
 use super::temporal::attend;
-use super::{ACTIONS, Batch, RadarFeatures, dense, leaky, linear};
+use super::{Batch, RadarFeatures, dense, leaky, linear};
 use crate::config::{Fusion, NetworkConfig};
 use crate::probability::softmax;
 use crate::sample::Answer;
@@ -21,7 +21,7 @@ const ABSENT: f32 = -1e9;
 /// Scores before the softmax.
 #[derive(Debug, Clone)]
 pub struct Output {
-    /// `[B, ACTIONS]`.
+    /// `[B, actions]`.
     pub actions: Tensor<2>,
     /// `[B, T]`, far below all others for tags that are not there.
     pub targets: Tensor<2>,
@@ -31,10 +31,11 @@ impl Output {
     /// Probabilities; tags that are not there have 0.
     pub fn answers(&self, temperature: f32) -> Vec<Answer> {
         let [samples, tags] = self.targets.dims();
+        let [_, classes] = self.actions.dims();
         let values = |tensor: &Tensor<2>| -> Vec<f32> { tensor.to_data().iter::<f32>().collect() };
         let (actions, targets) = (values(&self.actions), values(&self.targets));
         let answer = |sample: usize| Answer {
-            actions: softmax(&actions[sample * ACTIONS..(sample + 1) * ACTIONS], temperature),
+            actions: softmax(&actions[sample * classes..(sample + 1) * classes], temperature),
             targets: softmax(&targets[sample * tags..(sample + 1) * tags], temperature),
         };
         (0..samples).map(answer).collect()
@@ -116,7 +117,7 @@ impl Heads {
         let inner = if fusion.has_radar() { radar } else { tags };
         Self {
             meet,
-            action: Head::new(action, inner, ACTIONS, device),
+            action: Head::new(action, inner, config.actions, device),
             target: Head::new(target, tags, 1, device),
             fusion,
             radar_width: radar,

@@ -22,9 +22,6 @@ use encoder::RadarEncoder;
 use fusion::Heads;
 use temporal::{TemporalBlock, masked_mean};
 
-/// Actions of the vocabulary, and one for none of them.
-pub const ACTIONS: usize = 8;
-
 /// The fusion network.
 #[derive(Module, Debug)]
 pub struct Network {

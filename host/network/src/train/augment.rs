@@ -10,12 +10,20 @@ use serde::{Deserialize, Serialize};
 use super::Material;
 use crate::sample::{Frames, MAPS, READ_CHANNELS, SCALARS, Sample, read, scalar};
 
+/// Frames by which a window may begin and end elsewhere.
+const WINDOW_FRAMES: usize = 2;
+
 /// How much is done.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Augment {
     /// Frames that may be missing at each end, at most.
     pub crop: usize,
+    /// Chance that only the sample's window is left, give or take a few frames at each end.
+    pub window: f64,
+    /// Chance that a tag other than the target is not read.
+    #[serde(default)]
+    pub tag: f64,
     /// Chance that an antenna of the reader is dead.
     pub antenna: f64,
     /// Chance that a map is lost, in all frames.
@@ -26,6 +34,9 @@ pub struct Augment {
     pub shift: usize,
     /// Chance that all is played backwards: what was opened is closed.
     pub reverse: f64,
+    /// Codes by which all maps of a sample may be brighter or darker, at most: another distance, another gain.
+    #[serde(default)]
+    pub gain: u8,
     /// Codes of noise in maps, at most.
     pub noise: u8,
     /// Chance that the target's name is that of another thing that is handled the same way.
@@ -34,25 +45,54 @@ pub struct Augment {
 
 impl Default for Augment {
     fn default() -> Self {
-        Self { crop: 4, antenna: 0.05, map: 0.05, frame: 0.02, shift: 2, reverse: 0.5, noise: 6, rename: 0.3 }
+        Self {
+            crop: 4,
+            window: 0.6,
+            tag: 0.0,
+            antenna: 0.05,
+            map: 0.05,
+            frame: 0.02,
+            shift: 2,
+            reverse: 0.5,
+            gain: 0,
+            noise: 6,
+            rename: 0.3,
+        }
     }
 }
 
 impl Augment {
     /// Nothing.
-    pub const NONE: Self =
-        Self { crop: 0, antenna: 0.0, map: 0.0, frame: 0.0, shift: 0, reverse: 0.0, noise: 0, rename: 0.0 };
+    pub const NONE: Self = Self {
+        crop: 0,
+        window: 0.0,
+        tag: 0.0,
+        antenna: 0.0,
+        map: 0.0,
+        frame: 0.0,
+        shift: 0,
+        reverse: 0.0,
+        gain: 0,
+        noise: 0,
+        rename: 0.0,
+    };
 
     /// A changed copy; what may be changed, `material` says.
     pub(super) fn apply(&self, sample: &Sample, material: &Material<'_>, rng: &mut ChaCha8Rng) -> Sample {
         let frames = &sample.frames;
-        let kept = self.crop(frames.len(), rng);
-        let mut changed = Sample { frames: frames.part(kept), ..sample.clone() };
+        let window = sample.window.clone().filter(|_| self.window > 0.0 && rng.random_bool(self.window));
+        let kept = match window {
+            Some(window) => near(window, frames.len(), rng),
+            None => self.crop(frames.len(), rng),
+        };
+        let mut changed = Sample { frames: frames.part(kept), window: None, ..sample.clone() };
         let points = frames.points;
         let most = self.shift as i64;
         let shift = rng.random_range(-most..=most) as isize;
         self.maps(&mut changed.frames.maps, points, shift, rng);
+        self.brighten(&mut changed.frames.maps, rng);
         self.losses(&mut changed.frames, rng);
+        self.unread(&mut changed, rng);
         if rng.random_bool(self.reverse) {
             reverse(&mut changed, material.reversed);
         }
@@ -95,6 +135,17 @@ impl Augment {
         }
     }
 
+    fn brighten(&self, maps: &mut [u8], rng: &mut ChaCha8Rng) {
+        if self.gain > 0 {
+            let most = i16::from(self.gain);
+            let gain = rng.random_range(-most..=most);
+            // A map that was lost stays so.
+            for code in maps.iter_mut().filter(|code| **code > 0) {
+                *code = (i16::from(*code) + gain).clamp(1, 255) as u8;
+            }
+        }
+    }
+
     fn losses(&self, frames: &mut Frames, rng: &mut ChaCha8Rng) {
         let size = frames.points * frames.points;
         let lost: [bool; MAPS] = std::array::from_fn(|_| rng.random_bool(self.map));
@@ -119,6 +170,21 @@ impl Augment {
         }
     }
 
+    fn unread(&self, sample: &mut Sample, rng: &mut ChaCha8Rng) {
+        if self.tag == 0.0 {
+            return;
+        }
+        let Frames { tags, antennas, .. } = sample.frames;
+        let lost: Vec<bool> =
+            (0..tags).map(|tag| rng.random_bool(self.tag) && sample.target != Some(tag)).collect();
+        let of_tag = antennas * READ_CHANNELS;
+        for (place, reads) in sample.frames.reads.chunks_exact_mut(of_tag).enumerate() {
+            if lost[place % tags] {
+                reads.fill(0.0);
+            }
+        }
+    }
+
     fn rename(&self, sample: &mut Sample, (objects, actions): (&[usize], &[usize]), rng: &mut ChaCha8Rng) {
         let (Some(action), Some(target)) = (sample.action, sample.target) else { return };
         if objects.is_empty() || !actions.contains(&action) || !rng.random_bool(self.rename) {
@@ -131,6 +197,13 @@ impl Augment {
         }
         sample.objects[target] = new;
     }
+}
+
+/// A window that begins and ends up to [`WINDOW_FRAMES`] earlier or later.
+fn near(window: Range<usize>, frames: usize, rng: &mut ChaCha8Rng) -> Range<usize> {
+    let mut off = |end: usize| (end + rng.random_range(0..=2 * WINDOW_FRAMES)).saturating_sub(WINDOW_FRAMES);
+    let (first, last) = (off(window.start), off(window.end).min(frames));
+    if first < last { first..last } else { window }
 }
 
 /// Plays a sample backwards, where the vocabulary says what each action is then: velocities and turns change their signs.
@@ -162,8 +235,22 @@ fn reverse(sample: &mut Sample, reversed: &[usize]) {
 
 #[cfg(test)]
 mod tests {
+    use rand::SeedableRng;
+
     use super::*;
     use crate::sample::Frame;
+
+    #[test]
+    fn windows_stay_in_the_sample() {
+        let mut rng = ChaCha8Rng::seed_from_u64(4);
+        for window in [0..1, 0..20, 3..9, 19..20] {
+            for _ in 0..200 {
+                let near = near(window.clone(), 20, &mut rng);
+                assert!(near.start < near.end && near.end <= 20, "{near:?}");
+                assert!(near.start.abs_diff(window.start) <= 2 && near.end.abs_diff(window.end) <= 2);
+            }
+        }
+    }
 
     #[test]
     fn backwards_twice_is_forwards() {
@@ -176,7 +263,8 @@ mod tests {
             let scalars = [f32::from(number); SCALARS];
             frames.push(Frame { maps: &maps, scalars: &scalars, reads: &reads, covariance: &[] });
         }
-        let sample = Sample { frames, objects: vec![0], action: Some(1), target: Some(0), pose: None };
+        let sample =
+            Sample { frames, objects: vec![0], action: Some(1), target: Some(0), ..Sample::default() };
         let mut changed = sample.clone();
         reverse(&mut changed, &[1, 0]);
         let (first, last) = (changed.frames.frame(0), sample.frames.frame(2));

@@ -10,7 +10,7 @@ use rand_chacha::ChaCha8Rng;
 use super::learner::Labels;
 use super::{Material, Recipe, TrainError};
 use crate::config::NetworkConfig;
-use crate::network::{ACTIONS, Batch};
+use crate::network::Batch;
 use crate::sample::Sample;
 
 /// Batches that wait.
@@ -86,7 +86,7 @@ impl Loader<'_> {
             .map(|s| (&s.frames, s.objects.iter().map(|&o| names[o].as_slice()).collect()))
             .collect();
         let labels = Labels {
-            actions: changed.iter().map(|s| s.action.unwrap_or(ACTIONS - 1)).collect(),
+            actions: changed.iter().map(|s| s.action.unwrap_or(self.config.actions - 1)).collect(),
             targets: changed.iter().map(|s| s.target).collect(),
             poses: changed.iter().map(|s| s.pose).collect(),
         };

@@ -26,7 +26,7 @@ pub use checkpoint::{CheckpointError, State};
 use crate::config::{ConfigError, NetworkConfig};
 use crate::metrics::Metrics;
 use crate::model::{Description, Model, ModelError};
-use crate::network::{ACTIONS, Batch, BatchError, NameVectors, Network, Output};
+use crate::network::{Batch, BatchError, NameVectors, Network, Output};
 use crate::sample::{Answer, Sample};
 use learner::{Labels, Learner, loss};
 use loader::{Loader, Step};
@@ -332,7 +332,7 @@ fn validated(answers: &[Answer], samples: &[&Sample], recipe: &Recipe) -> [f64; 
     let mut loss = 0.0;
     for (answer, sample) in answers.iter().zip(samples) {
         let log = |p: f32| -f64::from(p.max(1e-12)).ln();
-        loss += log(answer.actions[sample.action.unwrap_or(ACTIONS - 1)]);
+        loss += log(answer.actions[sample.action.unwrap_or(answer.actions.len() - 1)]);
         loss += sample.target.map_or(0.0, |target| recipe.target_weight * log(answer.targets[target]));
     }
     let share = |share: crate::metrics::Share| if share.of == 0 { 0.0 } else { share.value() };

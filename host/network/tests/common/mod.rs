@@ -70,7 +70,7 @@ pub fn sample(seed: u64, frames: usize, tags: usize) -> Sample {
     }
     let objects = (0..tags).map(|tag| tag % 6).collect();
     let target = (tags > 0).then_some(target);
-    Sample { frames: made, objects, action: Some(action), target, pose: None }
+    Sample { frames: made, objects, action: Some(action), target, ..Sample::default() }
 }
 
 pub fn vectors(sample: &Sample) -> Vec<f32> {

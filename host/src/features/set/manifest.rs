@@ -213,7 +213,8 @@ impl Entry {
     pub(super) fn label(&self, frames: Frames, interaction_s: [f32; 2]) -> (Sample, Setup) {
         let Self { objects, action, target, setup } = self;
         let pose = Some(setup.pose);
-        let sample = Sample { frames, objects: objects.clone(), action: *action, target: *target, pose };
+        let sample =
+            Sample { frames, objects: objects.clone(), action: *action, target: *target, pose, window: None };
         (sample, Setup { interaction_s, ..*setup })
     }
 }
