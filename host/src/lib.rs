@@ -41,6 +41,8 @@ pub mod plan;
 pub mod plot;
 pub mod profile;
 pub mod reads;
+#[cfg(feature = "train")]
+pub mod real;
 pub mod receive;
 pub mod recognize;
 pub mod recording;

@@ -1,0 +1,76 @@
+//! Runs of this program, some at a time, each in a folder of its own.
+
+use std::path::{Path, PathBuf};
+use std::process::{Command, Stdio};
+use std::sync::Mutex;
+
+use anyhow::{Context, ensure};
+
+use crate::commands::stopped;
+use crate::commands::train::MODEL;
+
+/// A run of this program, with its folder.
+pub(super) struct Job {
+    pub(super) out: PathBuf,
+    pub(super) words: Vec<String>,
+}
+
+pub(super) struct Runs {
+    pub(super) workers: usize,
+}
+
+impl Runs {
+    /// Runs all jobs whose folders hold no model yet, some at a time.
+    pub(super) fn all(&self, jobs: &[Job]) -> anyhow::Result<()> {
+        let waiting: Vec<&Job> = jobs.iter().filter(|job| !job.out.join(MODEL).is_file()).collect();
+        let next = Mutex::new(waiting.iter());
+        let program = std::env::current_exe().context("cannot find this program")?;
+        let work = || -> anyhow::Result<()> {
+            loop {
+                let job = next.lock().ok().and_then(|mut jobs| jobs.next().copied());
+                let Some(job) = job else { return Ok(()) };
+                job.run(&program)?;
+            }
+        };
+        std::thread::scope(|scope| {
+            let threads: Vec<_> = (0..self.workers.max(1)).map(|_| scope.spawn(work)).collect();
+            threads.into_iter().try_for_each(|thread| match thread.join() {
+                Ok(result) => result,
+                Err(panic) => std::panic::resume_unwind(panic),
+            })
+        })
+    }
+}
+
+impl Job {
+    fn run(&self, program: &Path) -> anyhow::Result<()> {
+        ensure!(!stopped(), "stopped; the same command goes on from there");
+        let line = format!("rfhoi {} --out {}", self.words.join(" "), self.out.display());
+        eprintln!("{line}");
+        std::fs::create_dir_all(&self.out)
+            .with_context(|| format!("cannot make the folder {}", self.out.display()))?;
+        let log = std::fs::File::create(self.out.join("log.txt")).context("cannot write a log")?;
+        let status = Command::new(program)
+            .args(&self.words)
+            .arg("--out")
+            .arg(&self.out)
+            // Several at a time: each has a core.
+            .env("RAYON_NUM_THREADS", "1")
+            .stdin(Stdio::null())
+            .stdout(log.try_clone().context("cannot write a log")?)
+            .stderr(log)
+            .status()
+            .context("cannot run this program again")?;
+        ensure!(!stopped(), "stopped; the same command goes on from there");
+        ensure!(status.success(), "{line} failed: see {}", self.out.join("log.txt").display());
+        Ok(())
+    }
+}
+
+pub(super) fn path(path: &Path) -> String {
+    path.to_string_lossy().into_owned()
+}
+
+pub(super) fn cores() -> usize {
+    std::thread::available_parallelism().map_or(1, usize::from)
+}
