@@ -19,6 +19,8 @@ mod grid;
 mod stream;
 
 pub use frame::{AlignedFrame, MAPS, MapInvalid, MapName};
+#[cfg(feature = "train")]
+pub(crate) use stream::SILENCE;
 pub use stream::{AlignError, Angles, FrameStream, Settings, StreamCounts};
 
 #[cfg(test)]

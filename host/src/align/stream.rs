@@ -19,7 +19,7 @@ use crate::receive::{LinkCounts, RadarFrame, Received, Receiver};
 /// Frames in a row that the radar did not send and that are handed on as missing; a longer silence is a new beginning.
 const LONGEST_GAP: u32 = 50;
 /// Frame periods without a frame of the radar after which frames go on without it.
-const SILENCE: u64 = 3;
+pub(crate) const SILENCE: u64 = 3;
 /// A reader that has sent nothing for so long is not waited for.
 const READER_SILENT_US: u64 = 1_000_000;
 

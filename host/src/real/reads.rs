@@ -11,7 +11,7 @@ use rfhoi_shared::tag::Epc;
 use rfhoi_shared::units::BridgeTime;
 
 use super::{Real, RealError, files};
-use crate::align::{self, FrameStream};
+use crate::align::{self, FrameStream, SILENCE};
 use crate::features::{AngleMap, Settings};
 use crate::reads::{Annotation, ReadTable};
 
@@ -78,7 +78,6 @@ fn one_of(place: usize, of: usize) -> Vec<f32> {
 fn frames(table: &ReadTable, epcs: &[Epc]) -> Result<Frames, RealError> {
     let radar = BridgeConfig::default().radar;
     let stream = SETTINGS.stream(&radar).map_err(align::AlignError::from)?;
-    let patience_us = stream.patience_us;
     let mut stream = FrameStream::new(align::Settings { tags: epcs.to_vec(), ..stream })?;
     let mut features = SETTINGS.frame_features(&radar).over(USUAL_DBM);
     let mut frames = Frames::new(POINTS, epcs.len(), SETTINGS.antennas);
@@ -95,7 +94,8 @@ fn frames(table: &ReadTable, epcs: &[Epc]) -> Result<Frames, RealError> {
         advance(&mut stream, read.time);
     }
     let last = table.reads.last().map_or(BridgeTime(0), |read| read.time);
-    // The frame of the last read, and no more.
-    advance(&mut stream, last.after(u64::from(radar.profile.frame_period_us) + patience_us));
+    // The frame of the last read, and no more: without a radar frames lag behind.
+    let period_us = u64::from(radar.profile.frame_period_us);
+    advance(&mut stream, BridgeTime((last.0 / period_us + SILENCE) * period_us));
     Ok(frames)
 }

@@ -1,8 +1,9 @@
 //! When something moves: activity frame by frame in, runs of frames out.
 //!
-//! Figures in this module are those of the 1,216 first samples of the simulated set `--domain site --seed 2` (one interaction in
-//! each, by people in three rooms): with these constants the best segment of a sample and the person's true first and last
-//! movement have a mean intersection over union of 0.84, and 1.6 % of the interactions come apart.
+//! Figures in this module are those of the simulated set `--domain site --seed 2` (2,395 interactions, one in a sample, by people in
+//! three rooms; of how long a quiet is, of its first 1,216 samples): with these constants the best segment of a sample, with what
+//! goes along, and the person's true first and last movement have a mean intersection over union of 0.81, 1.7 % of the
+//! interactions come apart, and 0.2 % are missed.
 
 use std::collections::VecDeque;
 use std::ops::Range;

@@ -33,6 +33,7 @@ pub fn config(fusion: Fusion) -> NetworkConfig {
         radar: branch(16, 1),
         tags: branch(12, 2),
         fusion,
+        actions: rfhoi_network::config::ACTIONS,
         dropout: 0.0,
     }
 }
