@@ -1,14 +1,16 @@
 //! Labelled reads of tags (samples of the RDA form, see [`rda`](crate::reads::rda)): tags that people wear, one antenna.
 //!
 //! Tags keep their places on the body, so a tag's name is which one it is: a vector with one 1. Nobody has read before a
-//! sample begins, so its signal strength is told over [`USUAL_DBM`], not over the tag's own mean.
+//! sample begins, so its signal strength is told over [`USUAL_DBM`], not over the tag's own mean. The channel was not recorded: it
+//! is taken for one and the same, [`CHANNEL`].
 
 use std::path::Path;
 
 use rfhoi_network::sample::{Frames, MAX_TAGS, Sample};
 use rfhoi_shared::config::BridgeConfig;
-use rfhoi_shared::tag::Epc;
-use rfhoi_shared::units::BridgeTime;
+use rfhoi_shared::tag::{Epc, TagRead};
+use rfhoi_shared::units::{BridgeTime, ChannelIndex, Kilohertz};
+use rfhoi_shared::wire::HopTable;
 
 use super::{Real, RealError, files};
 use crate::align::{self, FrameStream, SILENCE};
@@ -19,6 +21,9 @@ use crate::reads::{Annotation, ReadTable};
 pub const POINTS: usize = 16;
 /// Signal strength that is told as 0, dBm: about the mean of tags on bodies in the RDA data set.
 const USUAL_DBM: f32 = -65.0;
+
+/// Of all reads, with a frequency in the middle of the band.
+const CHANNEL: (ChannelIndex, Kilohertz) = (ChannelIndex(1), Kilohertz(920_000));
 
 /// What features are made of.
 pub const SETTINGS: Settings =
@@ -88,9 +93,10 @@ fn frames(table: &ReadTable, epcs: &[Epc]) -> Result<Frames, RealError> {
             stream.recycle(frame);
         }
     };
+    stream.push_hop_table(&HopTable { table: 1, channels: [CHANNEL.1].into_iter().collect() });
     advance(&mut stream, BridgeTime(0));
     for read in &table.reads {
-        stream.push_reads(std::slice::from_ref(read), read.time);
+        stream.push_reads(&[TagRead { channel: CHANNEL.0, ..read.clone() }], read.time);
         advance(&mut stream, read.time);
     }
     let last = table.reads.last().map_or(BridgeTime(0), |read| read.time);
