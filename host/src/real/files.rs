@@ -28,6 +28,9 @@ pub enum FilesError {
     },
 }
 
+/// Takes a file by name and content.
+type Take<'a, E> = &'a mut dyn FnMut(&Path, Vec<u8>) -> Result<(), E>;
+
 /// Hands all files below `path` whose names end with one of `suffixes` to `take`, by name and content; those of a folder in the
 /// order of their names.
 ///
@@ -58,11 +61,7 @@ fn unread(path: &Path) -> impl Fn(io::Error) -> FilesError {
     move |source| FilesError::Read { path: path.to_path_buf(), source }
 }
 
-fn below<E: From<FilesError>>(
-    folder: &Path,
-    suffix: &str,
-    take: &mut dyn FnMut(&Path, Vec<u8>) -> Result<(), E>,
-) -> Result<(), E> {
+fn below<E: From<FilesError>>(folder: &Path, suffix: &str, take: Take<'_, E>) -> Result<(), E> {
     let entries = std::fs::read_dir(folder).and_then(Iterator::collect::<io::Result<Vec<_>>>);
     let mut paths: Vec<PathBuf> = entries.map_err(unread(folder))?.iter().map(|entry| entry.path()).collect();
     paths.sort();
@@ -77,11 +76,7 @@ fn below<E: From<FilesError>>(
     Ok(())
 }
 
-fn archived<E: From<FilesError>>(
-    path: &Path,
-    suffix: &str,
-    take: &mut dyn FnMut(&Path, Vec<u8>) -> Result<(), E>,
-) -> Result<(), E> {
+fn archived<E: From<FilesError>>(path: &Path, suffix: &str, take: Take<'_, E>) -> Result<(), E> {
     let wrong = unread(path);
     let file = BufReader::new(File::open(path).map_err(&wrong)?);
     let name = path.to_string_lossy();

@@ -23,6 +23,9 @@ const FRAME_EPOCHS: u32 = 8;
 const TESTED: f64 = 0.25;
 /// Of the frames to learn from every so many is taken: neighbours hardly differ.
 const EVERY: usize = 3;
+/// Frames of a clip, where it has such.
+type Part = fn(&Clip) -> Option<Frames>;
+
 /// What is no gesture.
 const BACKGROUND: &str = "background";
 
@@ -107,7 +110,7 @@ impl RealRadar {
         let config = config([false, true, true], classes.len());
         let augment = Augment { crop: 2, noise: 6, ..Augment::NONE };
         let recipe = self.recipe.apply(Recipe { epochs: EPOCHS, augment, ..recipe() })?;
-        let gestures = |clips: &[&Clip], part: fn(&Clip) -> Option<Frames>| -> Vec<Sample> {
+        let gestures = |clips: &[&Clip], part: Part| -> Vec<Sample> {
             let one = |clip: &&Clip| {
                 let action = Some(classes.iter().position(|class| *class == clip.class)?);
                 Some(Sample { frames: part(clip)?, objects: vec![0], action, ..Sample::default() })
@@ -115,7 +118,7 @@ impl RealRadar {
             clips.iter().filter_map(one).collect()
         };
         let mut figures = BTreeMap::new();
-        let parts: [(&str, fn(&Clip) -> Option<Frames>); 2] = [
+        let parts: [(&str, Part); 2] = [
             ("gestures", |clip| clip.gesture().map(|times| clip.without_rest(times.clone(), 0..times.start))),
             ("placebo", |clip| clip.gesture().map(|times| clip.without_rest(0..times.start, 0..times.start))),
         ];
