@@ -1,8 +1,8 @@
 //! Labelled reads of tags (samples of the RDA form, see [`rda`](crate::reads::rda)): tags that people wear, one antenna.
 //!
 //! Tags keep their places on the body, so a tag's name is which one it is: a vector with one 1. Nobody has read before a
-//! sample begins, so its signal strength is told over [`USUAL_DBM`], not over the tag's own mean. The channel was not recorded: it
-//! is taken for one and the same, [`CHANNEL`].
+//! sample begins, so its signal strength is told over a usual one, not over the tag's own mean. The channel was not recorded: it
+//! is taken for one and the same.
 
 use std::path::Path;
 
