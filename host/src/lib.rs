@@ -12,6 +12,7 @@
 //! * [`motion`]: recorded human motion, joints over time.
 //! * [`hoi`], [`simulate`]: the vocabulary of actions and objects, and labelled data from a simulated room.
 //! * `learn`, with the feature `train`: from data sets to models.
+//! * `real`, with the feature `train`: labelled recordings of real devices as the network takes them.
 //! * [`recognize`]: from packets to tuples, or why there is none.
 //! * [`plan`]: the smallest profile, maps and antennas that a scene needs, and what they cost.
 //! * [`plot`]: pictures of maps and of series.

@@ -18,6 +18,15 @@ fn rfhoi(words: &[&str]) -> Output {
     Command::new(env!("CARGO_BIN_EXE_rfhoi")).args(words).output().expect("it runs")
 }
 
+/// What the experiment leaves after one epoch.
+fn real_radar(folder: &Path) -> Value {
+    let out = folder.join("out");
+    let words = ["experiment", "real-radar", "--epochs", "1", "--json", "--data"];
+    let run = rfhoi(&[&words[..], &[folder.to_str().unwrap(), "--out", out.to_str().unwrap()]].concat());
+    assert!(run.status.success(), "{run:?}");
+    serde_json::from_slice(&std::fs::read(out.join("results.json")).unwrap()).unwrap()
+}
+
 /// Samples of the RDA form: in activity 1 the second tag is far, and is turned from read to read.
 fn write_reads(folder: &Path) {
     for person in 0..4 {
@@ -95,13 +104,7 @@ fn each_person_of_a_radar_set_is_left_out() {
             },
         );
     ndarray_npy::write_npy(folder.path().join("doppler_u8_128x156.npy"), &values).unwrap();
-    let out = folder.path().join("out");
-    let words = ["experiment", "real-radar", "--epochs", "1", "--json", "--data"];
-    let run =
-        rfhoi(&[&words[..], &[folder.path().to_str().unwrap(), "--out", out.to_str().unwrap()]].concat());
-    assert!(run.status.success(), "{run:?}");
-    let text = std::fs::read(out.join("results.json")).unwrap();
-    let result: Value = serde_json::from_slice(&text).unwrap();
+    let result = real_radar(folder.path());
     let trials = result["trials"].as_array().unwrap();
     assert_eq!(trials.len(), 2);
     assert!(trials.iter().all(|trial| trial["learnt"] == 2 && trial["right"]["of"] == 2));
@@ -126,13 +129,7 @@ fn clips_are_read_and_their_three_tasks_done() {
     let maps = clips[0].without_rest(3..5, 0..3);
     let map = &maps.frame(0).maps[32 * 32..2 * 32 * 32];
     assert_eq!((map[20 * 32 + 10], map[16 * 32 + 8]), (128 + 83, 128));
-    let out = folder.path().join("out");
-    let words = ["experiment", "real-radar", "--epochs", "1", "--json", "--data"];
-    let run =
-        rfhoi(&[&words[..], &[folder.path().to_str().unwrap(), "--out", out.to_str().unwrap()]].concat());
-    assert!(run.status.success(), "{run:?}");
-    let text = std::fs::read(out.join("results.json")).unwrap();
-    let result: Value = serde_json::from_slice(&text).unwrap();
+    let result = real_radar(folder.path());
     assert_eq!(result["tasks"]["gestures"]["reached"]["right"]["of"], 2);
     assert_eq!(result["tasks"]["placebo"]["most_frequent"], 0.5);
     assert!(

@@ -302,6 +302,10 @@ impl Simulate {
         if let Some(rooms) = rooms {
             ensure!(scenes.len() == 1, "--rooms are drawn around one scene: give --scene once");
             scenes = draw::rooms(self.domain(), self.seed, &scenes[0], rooms);
+            ensure!(
+                scenes.iter().all(|scene| !scene.places.is_empty()),
+                "--rooms: the radar sees too little of a room for anybody to stand in it; take a profile that sees farther"
+            );
         }
         ensure!(
             setups.is_none() || matches!(self.domain, DomainName::Site),

@@ -149,3 +149,29 @@ impl Data {
         sample.objects.iter().flat_map(|&object| self.names[object].iter().copied()).collect()
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use rfhoi_network::sample::{Frames, scalar};
+
+    use super::*;
+
+    /// A sample in which something moves in these frames of 50.
+    fn sample(moves: Range<usize>, action: Option<usize>) -> Sample {
+        let mut scalars = vec![0.0; 50 * SCALARS];
+        for frame in moves {
+            // About 30 cells.
+            scalars[frame * SCALARS + scalar::CELLS] = 0.5;
+        }
+        Sample { frames: Frames { scalars, ..Frames::default() }, action, ..Sample::default() }
+    }
+
+    #[test]
+    fn a_window_holds_most_of_what_is_done() {
+        let seen = Some(4..36);
+        assert_eq!(window(&sample(10..30, Some(0)), 0.1, [0.9, 3.1]), seen);
+        assert_eq!(window(&sample(10..30, None), 0.1, [0.0, 0.0]), seen);
+        assert_eq!(window(&sample(10..30, Some(0)), 0.1, [3.0, 5.0]), None, "it is of something else");
+        assert_eq!(window(&sample(0..0, None), 0.1, [0.0, 0.0]), None, "nothing moves");
+    }
+}

@@ -141,10 +141,10 @@ fn spectrogram(both: ArrayView2<'_, u8>) -> Frames {
     let mut frames = Frames::new(POINTS, 1, 1);
     let mut maps = vec![0; MAPS * SIZE];
     let pooled = rows / POINTS;
-    for middle in (0..count).step_by(HOP) {
+    for now in (0..count).step_by(HOP) {
         maps.fill(0);
         for column in 0..POINTS {
-            let Some(time) = (middle + column).checked_sub(POINTS / 2).filter(|time| *time < count) else {
+            let Some(time) = (now + column).checked_sub(POINTS / 2).filter(|time| *time < count) else {
                 continue;
             };
             for row in 0..POINTS {

@@ -253,6 +253,28 @@ mod tests {
     }
 
     #[test]
+    fn tags_are_lost_whole_and_maps_are_brighter_by_one_gain() {
+        let mut rng = ChaCha8Rng::seed_from_u64(5);
+        let mut frames = Frames::new(4, 3, 1);
+        for _ in 0..2 {
+            let (maps, reads) = ([100; MAPS * 16], [1.0; 3 * READ_CHANNELS]);
+            frames.push(Frame { maps: &maps, scalars: &[1.0; SCALARS], reads: &reads, covariance: &[] });
+        }
+        frames.maps[7] = 0;
+        let sample = Sample { frames, target: Some(1), ..Sample::default() };
+        let mut changed = sample.clone();
+        Augment { tag: 1.0, ..Augment::NONE }.unread(&mut changed, &mut rng);
+        for frame in changed.frames.reads.chunks_exact(3 * READ_CHANNELS) {
+            let lost = frame.chunks_exact(READ_CHANNELS).map(|reads| reads == [0.0; READ_CHANNELS]);
+            assert!(lost.eq([true, false, true]), "the target is left");
+        }
+        let mut maps = sample.frames.maps.clone();
+        Augment { gain: 30, ..Augment::NONE }.brighten(&mut maps, &mut rng);
+        assert!(maps[0] != 100 && maps[0].abs_diff(100) <= 30 && maps[7] == 0);
+        assert!(maps.iter().enumerate().all(|(place, code)| place == 7 || *code == maps[0]));
+    }
+
+    #[test]
     fn backwards_twice_is_forwards() {
         let points = 4;
         let mut frames = Frames::new(points, 1, 1);

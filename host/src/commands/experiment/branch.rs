@@ -4,6 +4,7 @@ use std::path::Path;
 
 use anyhow::{Context, ensure};
 use rfhoi::atomic;
+use rfhoi::real::Real;
 use rfhoi_network::config::NetworkConfig;
 use rfhoi_network::metrics::Share;
 use rfhoi_network::model::Description;
@@ -80,6 +81,21 @@ impl Trial<'_> {
         };
         Ok((reached, answers))
     }
+}
+
+/// Learns from all recordings but those of `people`, and is held against theirs.
+pub(super) fn without(
+    real: &Real,
+    people: &[u32],
+    name: String,
+    (config, recipe): (&NetworkConfig, &Recipe),
+    out: &Path,
+) -> anyhow::Result<Reached> {
+    let (learn, test) = real.without(people);
+    let (learn, test) = (real.at(&learn), real.at(&test));
+    let Real { names, classes, .. } = real;
+    let trial = Trial { name, config, recipe, names, classes, learn: &learn, test: &test };
+    Ok(trial.run(out)?.0)
 }
 
 /// All trials together.

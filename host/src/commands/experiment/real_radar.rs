@@ -12,7 +12,7 @@ use rfhoi_network::sample::{Frames, Sample};
 use rfhoi_network::train::{Augment, Recipe};
 use serde_json::{Value, json};
 
-use super::branch::{Reached, Trial, together};
+use super::branch::{Reached, Trial, together, without};
 use crate::commands::train::RecipeArgs;
 use crate::commands::{Progress, listen_for_ctrl_c};
 
@@ -74,17 +74,8 @@ impl RealRadar {
         let recipe = self.recipe.apply(Recipe { weight_decay: 0.05, smoothing: 0.1, ..recipe })?;
         let mut reached: Vec<Reached> = Vec::new();
         for (number, who) in real.who.iter().enumerate() {
-            let (learn, test) = real.without(&[number as u32]);
-            let trial = Trial {
-                name: format!("without-{who}"),
-                config: &config,
-                recipe: &recipe,
-                names: &real.names,
-                classes: &real.classes,
-                learn: &real.at(&learn),
-                test: &real.at(&test),
-            };
-            reached.push(trial.run(&self.out)?.0);
+            let (name, shape) = (format!("without-{who}"), (&config, &recipe));
+            reached.push(without(real, &[number as u32], name, shape, &self.out)?);
             say(&format!("{}: {}", reached[number].name, reached[number].accuracy));
         }
         let all = together(&reached).to_string();

@@ -10,7 +10,7 @@ use rfhoi_network::config::{Fusion, NetworkConfig};
 use rfhoi_network::train::{Augment, Recipe};
 use serde_json::json;
 
-use super::branch::{Trial, together};
+use super::branch::{together, without};
 use crate::commands::train::RecipeArgs;
 use crate::commands::{Progress, listen_for_ctrl_c};
 
@@ -61,18 +61,8 @@ impl RealReads {
         let recipe = self.recipe.apply(Recipe { epochs: EPOCHS, augment, ..Recipe::pre_training(1) })?;
         let mut reached = Vec::new();
         for test in &groups {
-            let (learn, tested) = real.without(test);
             let name = test.iter().map(u32::to_string).collect::<Vec<_>>().join("-");
-            let trial = Trial {
-                name: format!("people-{name}"),
-                config: &config,
-                recipe: &recipe,
-                names: &real.names,
-                classes: &real.classes,
-                learn: &real.at(&learn),
-                test: &real.at(&tested),
-            };
-            reached.push(trial.run(&self.out)?.0);
+            reached.push(without(&real, test, format!("people-{name}"), (&config, &recipe), &self.out)?);
         }
         let all = together(&reached);
         let result = json!({

@@ -39,16 +39,19 @@ impl Scene {
     /// Another room, the `number`th, with its own furniture, people and places; what is on the walls is this scene's.
     pub fn other_room(&self, number: usize, rng: &mut ChaCha8Rng) -> Self {
         let radar = self.radar.position;
-        let min = Vec3::new(
+        let near = Vec3::new(
             radar.x - rng.random_range(SIDE_M),
             radar.y - rng.random_range(BEHIND_M),
             self.room.min.z,
         );
-        let max = Vec3::new(
+        let far = Vec3::new(
             radar.x + rng.random_range(SIDE_M),
             radar.y + rng.random_range(BEFORE_M),
-            min.z + rng.random_range(CEILING_M),
+            near.z + rng.random_range(CEILING_M),
         );
+        // Antennas of other scenes may hang anywhere.
+        let antennas = || self.reader.antennas.iter().map(|antenna| antenna.position);
+        let (min, max) = (antennas().fold(near, Vec3::min), antennas().fold(far, Vec3::max));
         let room = Room { min, max, reflectivity: rng.random_range(WALLS) };
         let mut scene = Self { name: format!("room {number}"), room, ..self.clone() };
         scene.furniture = (0..rng.random_range(0..=MOST_FURNITURE)).map(|n| piece(n, &room, rng)).collect();
