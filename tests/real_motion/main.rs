@@ -128,7 +128,7 @@ impl Stage {
             .iter()
             .find(|p| p.position.to_array() == [0.0, 2.4] && p.facing_rad == 0.0)
             .unwrap();
-        let person = Person { name: "somebody".to_owned(), height_m: 1.75, build: 1.0 };
+        let person = Person { name: "somebody".to_owned(), height_m: 1.75, build: 1.0, manner: None };
         Self { scene, place, person }
     }
 
@@ -159,6 +159,7 @@ impl Stage {
             objects: &[label.object],
             offsets: &[],
             manner,
+            within_reach: &[],
             stay: None,
         };
         let performance = Generated::new(&brief, rng).unwrap();
@@ -276,9 +277,10 @@ fn figures(all: &[Compared]) {
     for action in all {
         let by =
             |manner| action.generated.iter().filter(move |s| s.source == Source::Generated(manner)).collect();
-        let rows: [(&str, Vec<&Seen>); 3] = [
+        let rows: [(&str, Vec<&Seen>); 4] = [
             ("recorded", action.recorded.iter().collect()),
             ("generated, minimum jerk", by(Manner::MinimumJerk)),
+            ("generated, varied", by(Manner::Varied)),
             ("generated, sigma-lognormal", by(Manner::SigmaLognormal)),
         ];
         println!("{}", action.name);
@@ -401,14 +403,15 @@ fn picture(all: &[Compared]) -> Figure {
         [
             ("recorded", action.recorded.iter().collect()),
             ("generated, minimum jerk", by(Manner::MinimumJerk)),
+            ("generated, varied", by(Manner::Varied)),
             ("generated, sigma-lognormal", by(Manner::SigmaLognormal)),
         ]
         .map(|(what, group): (&str, Vec<&Seen>)| panel(&name, what, typical(&group)))
     });
     Figure {
         title: Some("Velocity over time, simulated radar: recorded people, and generated ones".to_owned()),
-        columns: 3,
-        width: 1_860,
+        columns: 4,
+        width: 2_480,
         panel_height: 380,
         ..Figure::new(panels.collect())
     }

@@ -19,6 +19,8 @@ const DISTANCE_M: core::ops::Range<f32> = 1.0..3.0;
 const BODY_M: f32 = 0.05;
 /// Bearings to either side, deg.
 const BEARING_DEG: f32 = 45.0;
+/// Most objects within reach, the target included.
+const MOST_WITHIN_REACH: usize = 3;
 /// Points that are tried for one at which somebody may stand.
 const TRIES: usize = 200;
 /// Directions in which people look, deg; 0 is towards the radar.
@@ -83,9 +85,11 @@ pub struct Draw {
     pub bearing_deg: f32,
     /// Where the person looks, deg; 0 is towards the radar.
     pub facing_deg: f32,
-    /// What is done from the first to the last of several performances, if it is one of them.
+    /// What is within reach, besides the target: what could have been acted on.
+    pub within_reach: Vec<Object>,
+    /// Whether it is one of several performances between which things stay where they are.
     #[serde(skip)]
-    pub stay: Option<Vec<Category>>,
+    pub stays: bool,
     #[serde(skip)]
     place: Vec2,
 }
@@ -122,7 +126,10 @@ struct Setup {
 /// `count` rooms drawn around the radar, the reader and the tags of `scene`; the first are the same however many there are.
 pub fn rooms(domain: Domain, seed: u64, scene: &Scene, count: u32) -> Vec<Scene> {
     (0..count)
-        .map(|n| scene.other_room(n as usize + 1, &mut stream(domain, seed, n, Purpose::Rooms)))
+        .map(|n| {
+            let rng = &mut stream(domain, seed, n, Purpose::Rooms);
+            scene.other_room(n as usize + 1, domain.manner_in_rooms(), rng)
+        })
         .collect()
 }
 
@@ -264,10 +271,18 @@ fn one(
         distance_m: 0.0,
         bearing_deg: 0.0,
         facing_deg: place.facing_rad.to_degrees(),
-        stay: None,
+        within_reach: Vec::new(),
+        stays: false,
         place: place.position,
     };
     draw.move_to(place.position, &scenes[draw.scene]);
+    // As many where nothing is done as where something is: what lies ready does not tell which.
+    let targets = usize::from(performed.is_some());
+    let others = rng.random_range(targets..=MOST_WITHIN_REACH) - targets;
+    draw.within_reach = draw.performed_objects();
+    draw.within_reach.retain(|object| performed.is_none_or(|performed| performed.object != *object));
+    draw.within_reach.shuffle(rng);
+    draw.within_reach.truncate(others);
     draw
 }
 

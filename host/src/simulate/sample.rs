@@ -10,7 +10,7 @@ use rfhoi_shared::units::{BridgeTime, Kilohertz};
 
 use super::draw::{Draw, Purpose, stream};
 use super::effects::{Domain, Effects};
-use super::perform::{Brief, BriefError, Generated, Manner, Stay};
+use super::perform::{Brief, BriefError, Generated, Manner};
 use super::radar::{FrameMaps, Radar, RadarError};
 use super::rfid::{self, Options as ReadOptions, ReaderSession, Situation};
 use super::scene::{Scene, Tag};
@@ -80,11 +80,19 @@ pub fn epoch(effects: &Effects) -> BridgeTime {
 }
 
 impl Domain {
-    /// How people move in it.
+    /// How people move in it of whom a scene does not say.
     pub fn manner(self) -> Manner {
         match self {
             Self::Train => Manner::MinimumJerk,
             Self::Site => Manner::SigmaLognormal,
+        }
+    }
+
+    /// How people of rooms that are drawn move in it, if in another way.
+    pub fn manner_in_rooms(self) -> Option<Manner> {
+        match self {
+            Self::Train => Some(Manner::Varied),
+            Self::Site => None,
         }
     }
 }
@@ -110,15 +118,17 @@ pub fn perform(
 ) -> Result<(Generated, Vec<Tag>), SampleError> {
     let tags: Vec<Tag> = draw.objects.iter().map(|&o| tag_on(scene, o)).collect::<Result<_, _>>()?;
     let offsets: Vec<Vec3> = tags.iter().map(|tag| tag.offset).collect();
+    let person = &scene.people[draw.person];
     let brief = Brief {
-        person: &scene.people[draw.person],
+        person,
         place: draw.place(),
         radar: scene.radar.position,
         label: draw.performed,
         objects: &draw.performed_objects(),
+        within_reach: &draw.within_reach,
         offsets: &offsets,
-        manner: domain.manner(),
-        stay: draw.stay.clone().map(|labels| Stay { labels, rng: stream(domain, seed, 0, Purpose::Stay) }),
+        manner: person.manner.unwrap_or(domain.manner()),
+        stay: draw.stays.then(|| stream(domain, seed, 0, Purpose::Stay)),
     };
     let mut rng = stream(domain, seed, draw.sample, Purpose::Motion);
     let generated = Generated::new(&brief, &mut rng)

@@ -23,7 +23,7 @@ pub const PAUSE_S: f64 = 2.0;
 /// is needed that is not there. `None` where more are needed than there are.
 pub fn draws(mut first: Draw, then: &[Option<Category>]) -> Option<Vec<Draw>> {
     let labels: Vec<Option<Category>> = [first.label].into_iter().chain(then.iter().copied()).collect();
-    first.stay = (!then.is_empty()).then(|| labels.iter().flatten().copied().collect());
+    first.stays = !then.is_empty();
     let needed: Vec<Object> = labels.iter().flatten().map(|label| label.object).collect();
     for object in &needed {
         if !first.objects.contains(object) {
@@ -31,6 +31,7 @@ pub fn draws(mut first: Draw, then: &[Option<Category>]) -> Option<Vec<Draw>> {
             *spare? = *object;
         }
     }
+    first.within_reach.extend(needed);
     let draw = |(sample, label): (u32, Option<Category>)| {
         let mut draw = first.clone();
         draw.sample = sample;

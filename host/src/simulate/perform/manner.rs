@@ -1,6 +1,6 @@
 //! Manners of moving: a law of speed, and the ranges that timing, paths, posture and sway are drawn from.
 //!
-//! Two, with different laws and ranges, so that what is trained on one manner is not tested on the same.
+//! With different laws and ranges, so that what is trained on one manner is not tested on the same.
 
 use std::ops::Range;
 
@@ -16,6 +16,9 @@ use super::stroke::Law;
 pub enum Manner {
     /// Minimum-jerk strokes: symmetric speed, nearly straight paths, upright people. Of the domain `train`.
     MinimumJerk,
+    /// Minimum-jerk strokes, each skewed in time, of people who differ in all that ranges are known for. Of the domain `train`
+    /// in rooms that are drawn.
+    Varied,
     /// Sigma-lognormal strokes: fast at first, corrected late; more curved paths, more sway, other timing. Of the domain
     /// `site`.
     SigmaLognormal,
@@ -26,6 +29,8 @@ pub enum Manner {
 pub(super) struct Ranges {
     /// Deviation of lognormal strokes; none for minimum jerk.
     pub(super) sigma: Option<Range<f32>>,
+    /// Skew of strokes of minimum jerk.
+    pub(super) skew: Range<f64>,
     /// Length of all strokes relative to the usual.
     pub(super) tempo: Range<f32>,
     /// How likely a person hesitates on the way.
@@ -62,6 +67,7 @@ pub(super) struct Ranges {
 
 const MINIMUM_JERK: Ranges = Ranges {
     sigma: None,
+    skew: 1.0..1.0,
     tempo: 0.8..1.3,
     hesitation: 0.2,
     pause_s: 0.15..0.45,
@@ -81,8 +87,31 @@ const MINIMUM_JERK: Ranges = Ranges {
     left: 0.2,
 };
 
+const VARIED: Ranges = Ranges {
+    sigma: None,
+    skew: 0.72..1.1,
+    tempo: 0.75..1.4,
+    hesitation: 0.35,
+    pause_s: 0.1..0.5,
+    dwell_s: 0.14..0.4,
+    before_s: 0.15..0.8,
+    after_s: 0.15..0.8,
+    bow: 0.02..0.36,
+    stretch: 0.74..0.93,
+    swivel: 0.1..0.9,
+    stoop: 0.02..0.10,
+    stance_m: 0.01..0.07,
+    toes_out: 0.0..0.4,
+    sway_m: 0.001..0.007,
+    sway_hz: 0.1..0.8,
+    breath_m: 0.001..0.006,
+    breath_hz: 0.15..0.4,
+    left: 0.4,
+};
+
 const SIGMA_LOGNORMAL: Ranges = Ranges {
     sigma: Some(0.18..0.32),
+    skew: 1.0..1.0,
     tempo: 0.95..1.25,
     hesitation: 0.4,
     pause_s: 0.1..0.5,
@@ -103,12 +132,13 @@ const SIGMA_LOGNORMAL: Ranges = Ranges {
 };
 
 impl Manner {
-    /// Both.
-    pub const ALL: [Self; 2] = [Self::MinimumJerk, Self::SigmaLognormal];
+    /// All.
+    pub const ALL: [Self; 3] = [Self::MinimumJerk, Self::Varied, Self::SigmaLognormal];
 
     pub(super) const fn ranges(self) -> &'static Ranges {
         match self {
             Self::MinimumJerk => &MINIMUM_JERK,
+            Self::Varied => &VARIED,
             Self::SigmaLognormal => &SIGMA_LOGNORMAL,
         }
     }
@@ -118,7 +148,8 @@ impl Ranges {
     /// The law of the next stroke.
     pub(super) fn law(&self, rng: &mut ChaCha8Rng) -> Law {
         match &self.sigma {
-            None => Law::MinimumJerk,
+            None if self.skew.is_empty() => Law::MinimumJerk { skew: 1.0 },
+            None => Law::MinimumJerk { skew: rng.random_range(self.skew.clone()) },
             Some(sigma) => Law::Lognormal { sigma: rng.random_range(sigma.clone()) },
         }
     }

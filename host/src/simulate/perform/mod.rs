@@ -53,21 +53,15 @@ pub struct Brief<'a> {
     pub label: Option<Category>,
     /// What lies around; tag number i is on object number i. The label's object is one of them.
     pub objects: &'a [Object],
+    /// Which of these are laid out as if something were to be done to them, besides the label's.
+    pub within_reach: &'a [Object],
     /// By how much each tag is off its usual place, to the thing's right, forward and up, m; those not given are not.
     pub offsets: &'a [Vec3],
     /// How they move.
     pub manner: Manner,
-    /// What it shares with the performances before and after it, if it is one of several.
-    pub stay: Option<Stay>,
-}
-
-/// What performances one after the other share: where things are, and the hand that acts.
-#[derive(Debug, Clone)]
-pub struct Stay {
-    /// All that is done.
-    pub labels: Vec<Category>,
-    /// What the places are drawn from, the same for each of them.
-    pub rng: ChaCha8Rng,
+    /// What the places of things and the hand that acts are drawn from where it shares them with the performances before and
+    /// after it; otherwise they are its own.
+    pub stay: Option<ChaCha8Rng>,
 }
 
 /// Why a brief cannot be performed.
@@ -115,13 +109,13 @@ impl Generated {
         let ranges = brief.manner.ranges();
         let body = Body::new(brief.person.height_m, brief.person.build);
         let lengths = *body.lengths();
-        let lay_out = |labels: &[Category], rng: &mut ChaCha8Rng| {
+        let lay_out = |rng: &mut ChaCha8Rng| {
             let side = if rng.random_bool(ranges.left) { Side::Left } else { Side::Right };
-            (side, Workplace::new(brief.objects, labels, brief.label, &lengths, side, rng))
+            (side, Workplace::new(brief, &lengths, side, rng))
         };
         let (side, workplace) = match &brief.stay {
-            Some(Stay { labels, rng }) => lay_out(labels, &mut rng.clone()),
-            None => lay_out(brief.label.as_slice(), rng),
+            Some(shared) => lay_out(&mut shared.clone()),
+            None => lay_out(rng),
         };
         let mut planner = Planner::new(lengths, side, ranges, rng);
         planner.wait(&ranges.before_s);
@@ -212,7 +206,7 @@ impl Staged for Generated {
 impl Brief<'_> {
     /// Number of the object that is acted on.
     fn check(&self) -> Result<Option<usize>, BriefError> {
-        let Person { name, height_m, build } = self.person;
+        let Person { name, height_m, build, .. } = self.person;
         if !HEIGHTS_M.contains(height_m) || !BUILDS.contains(build) {
             return Err(BriefError::Size { name: name.clone(), height_m: *height_m, build: *build });
         }

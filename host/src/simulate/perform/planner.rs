@@ -218,7 +218,7 @@ impl<'a> Planner<'a> {
         let hand = &mut self.script.hands[side.index()];
         hand.back_s = self.now_s;
         // Nobody sees where a hand would be if it were free, while it touches.
-        let unseen = Timing { onset_s: self.now_s - GRASP_S, length_s: GRASP_S, law: Law::MinimumJerk };
+        let unseen = Timing { onset_s: self.now_s - GRASP_S, length_s: GRASP_S, law: Law::MinimumJerk { skew: 1.0 } };
         hand.free.go_to(offset, unseen);
         let touched = hand.touch.goal();
         let lean = Lean { flexion: posture.flexion, twist: posture.twist, hips: posture.hips };
@@ -252,7 +252,7 @@ impl<'a> Planner<'a> {
     pub(super) fn step(&mut self, shift: Vec3, turn: f32) {
         let centre = self.script.hips.goal().with_z(0.0);
         let first = if shift.x > 0.0 || (shift.x == 0.0 && turn < 0.0) { Side::Right } else { Side::Left };
-        let whole = self.timing(1.45);
+        let whole = self.timing(1.6);
         for (side, part) in [(first, whole.part(0.0, 0.5)), (first.other(), whole.part(0.45, 0.95))] {
             let lift = Vec3::Z * self.draw(0.05..0.1);
             let ankle = &mut self.script.ankles[side.index()];

@@ -22,8 +22,12 @@ impl Amount for Vec3 {}
 /// Speed profile of a stroke.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) enum Law {
-    /// The smoothest way from rest to rest ([`minimum_jerk`]). Symmetric.
-    MinimumJerk,
+    /// The smoothest way from rest to rest ([`minimum_jerk`]), with the stroke's time raised to `skew`: symmetric at 1, fast at
+    /// first below, late above.
+    MinimumJerk {
+        /// Power of time.
+        skew: f64,
+    },
     /// The speed is lognormal over time, of log-time deviation `sigma`: fast at first, then ever slower.
     Lognormal {
         /// Deviation of the logarithm of time; 0.15 to 0.4 in people.
@@ -41,7 +45,8 @@ impl Law {
             return 0.0;
         }
         match self {
-            Self::MinimumJerk => minimum_jerk(u),
+            Self::MinimumJerk { skew: 1.0 } => minimum_jerk(u),
+            Self::MinimumJerk { skew } => minimum_jerk(libm::pow(u, skew)),
             Self::Lognormal { sigma } => {
                 let deviations = libm::log(u) / f64::from(sigma) + DONE;
                 (0.5 * libm::erfc(-deviations / std::f64::consts::SQRT_2)) as f32
@@ -144,12 +149,13 @@ mod tests {
 
     #[test]
     fn laws_differ_in_where_they_are_fastest() {
-        assert!((peak(Law::MinimumJerk) - 0.5).abs() < 0.01);
+        assert!((peak(Law::MinimumJerk { skew: 1.0 }) - 0.5).abs() < 0.01);
+        assert!(peak(Law::MinimumJerk { skew: 0.75 }) < 0.42 && peak(Law::MinimumJerk { skew: 1.1 }) > 0.52);
         // The mode of a lognormal: exp(mu - sigma^2), with mu = -3 sigma.
         let sigma: f64 = 0.3;
         let mode = (-DONE * sigma - sigma * sigma).exp();
         assert!((peak(Law::Lognormal { sigma: 0.3 }) - mode).abs() < 0.01, "{mode}");
-        for law in [Law::MinimumJerk, Law::Lognormal { sigma: 0.3 }] {
+        for law in [Law::MinimumJerk { skew: 0.75 }, Law::Lognormal { sigma: 0.3 }] {
             assert!(law.share(0.0) == 0.0 && (law.share(1.0) - 1.0).abs() < 2e-3 && law.share(9.0) == 1.0);
         }
     }
@@ -157,7 +163,7 @@ mod tests {
     #[test]
     fn strokes_add_up() {
         let mut channel = Channel::new(1.0_f32);
-        let timing = Timing { onset_s: 1.0, length_s: 1.0, law: Law::MinimumJerk };
+        let timing = Timing { onset_s: 1.0, length_s: 1.0, law: Law::MinimumJerk { skew: 1.0 } };
         channel.go_to(3.0, timing);
         channel.go_to(2.0, Timing { onset_s: 1.5, ..timing });
         assert_eq!((channel.at(0.9), channel.at(9.0), channel.goal()), (1.0, 2.0, 2.0));

@@ -6,7 +6,8 @@ use glam::{Quat, Vec3};
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 
-use crate::hoi::{Category, Object};
+use super::Brief;
+use crate::hoi::Object;
 use crate::simulate::body::{Lengths, Side};
 use crate::simulate::shape::Solid;
 use crate::simulate::stage::Pose;
@@ -30,19 +31,16 @@ fn upright(at: Vec3, yaw: f32) -> Pose {
 }
 
 impl Workplace {
-    /// Lays out `objects` for a person who does all of `labels` with the hand of `side`, as they are before `label`.
-    pub(super) fn new(
-        objects: &[Object],
-        labels: &[Category],
-        label: Option<Category>,
-        lengths: &Lengths,
-        side: Side,
-        rng: &mut ChaCha8Rng,
-    ) -> Self {
+    /// Lays out the brief's objects for a person who acts with the hand of `side`, as they are before its label is done.
+    pub(super) fn new(brief: &Brief<'_>, lengths: &Lengths, side: Side, rng: &mut ChaCha8Rng) -> Self {
+        let Brief { objects, within_reach, label, .. } = *brief;
         let height = rng.random_range(0.72..0.76);
         let near = rng.random_range(0.22..0.30);
         let surface = Vec3::new(0.0, near + 0.5 * TABLE_DEPTH, height);
-        let is_target = |object: Object| labels.iter().any(|label| label.object == object);
+        let is_target = |object: Object| {
+            objects.contains(&object)
+                && (label.is_some_and(|label| label.object == object) || within_reach.contains(&object))
+        };
         let mut taken: Vec<(Vec3, f32)> = Vec::new();
         if is_target(Object::Microwave) {
             // Its door needs room.
@@ -94,12 +92,15 @@ impl Workplace {
                     (thing, upright(at, 0.0))
                 }
                 _ => {
-                    let at = if acted_on {
-                        let aside = rng.random_range(-0.08..0.36) * side.sign();
-                        Vec3::new(aside, near + rng.random_range(0.12..0.34), height)
-                    } else {
-                        free_place(&taken, thing.radius, surface, rng)
-                    };
+                    let at = free_place(&taken, thing.radius, rng, |rng| {
+                        if acted_on {
+                            let aside = rng.random_range(-0.08..0.36) * side.sign();
+                            return Vec3::new(aside, near + rng.random_range(0.12..0.34), height);
+                        }
+                        let half = Vec3::new(0.5 * TABLE_WIDTH - 0.1, 0.5 * TABLE_DEPTH - 0.1, 0.0);
+                        let share = Vec3::new(rng.random_range(-1.0..1.0), rng.random_range(-1.0..1.0), 0.0);
+                        surface + half * share
+                    });
                     taken.push((at, thing.radius));
                     (thing, upright(at, yaw))
                 }
@@ -128,21 +129,24 @@ impl Workplace {
     }
 }
 
-/// The best of some places on a table for what takes up `radius`.
-fn free_place(taken: &[(Vec3, f32)], radius: f32, surface: Vec3, rng: &mut ChaCha8Rng) -> Vec3 {
+/// The best of some places for what takes up `radius`.
+fn free_place(
+    taken: &[(Vec3, f32)],
+    radius: f32,
+    rng: &mut ChaCha8Rng,
+    place: impl Fn(&mut ChaCha8Rng) -> Vec3,
+) -> Vec3 {
     const TRIES: usize = 24;
-    let place = |rng: &mut ChaCha8Rng| {
-        let half = Vec3::new(0.5 * TABLE_WIDTH - 0.1, 0.5 * TABLE_DEPTH - 0.1, 0.0);
-        let share = Vec3::new(rng.random_range(-1.0..1.0), rng.random_range(-1.0..1.0), 0.0);
-        surface + half * share
-    };
     let room =
         |at: Vec3| taken.iter().map(|(other, r)| at.distance(*other) - r - radius).fold(f32::MAX, f32::min);
     let mut best = place(rng);
     for _ in 1..TRIES {
-        let at = place(rng);
         // Any place with a hand's width around it will do.
-        if room(best) < 0.08 && room(at) > room(best) {
+        if room(best) >= 0.08 {
+            break;
+        }
+        let at = place(rng);
+        if room(at) > room(best) {
             best = at;
         }
     }

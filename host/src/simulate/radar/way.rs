@@ -63,13 +63,14 @@ mod tests {
         let scene = Scene::named("kitchen").unwrap();
         let effects = Effects { clutter: false, ..Effects::of(crate::simulate::effects::Domain::Site) };
         let mut radar = Radar::new(&scene, effects).unwrap();
-        let person = Person { name: "somebody".to_owned(), height_m: 1.7, build: 1.0 };
+        let person = Person { name: "somebody".to_owned(), height_m: 1.7, build: 1.0, manner: None };
         let brief = perform::Brief {
             person: &person,
             place: scene.places[0],
             radar: scene.radar.position,
             label: None,
             objects: &[],
+            within_reach: &[],
             offsets: &[],
             manner: perform::Manner::MinimumJerk,
             stay: None,

@@ -33,7 +33,7 @@ fn perform(file: &str, action: &str, label: Category) -> Option<Recorded> {
     let (_, motion) = Motion::open(&path).unwrap();
     let (_, all) = actions::beside(&path).unwrap().unwrap();
     let stretch = all.iter().find(|a| a.name == action).unwrap();
-    let person = Person { name: "somebody".to_owned(), height_m: PERSON.0, build: PERSON.1 };
+    let person = Person { name: "somebody".to_owned(), height_m: PERSON.0, build: PERSON.1, manner: None };
     let recorded = Recorded::new(&motion, stretch.start..=stretch.end, &recast(&person, label));
     Some(recorded.unwrap_or_else(|error| panic!("{file}: {error}")))
 }
@@ -134,7 +134,7 @@ fn what_is_missing_is_named() {
     let row = |frame: u32| format!("{frame}{}\n", " 0 1 2".repeat(20));
     let text: String = [0, 2, 4, 6, 8, 10, 40, 42].map(row).concat();
     let motion = crate::motion::joint_list::parse(&text).unwrap();
-    let person = Person { name: "somebody".to_owned(), height_m: PERSON.0, build: PERSON.1 };
+    let person = Person { name: "somebody".to_owned(), height_m: PERSON.0, build: PERSON.1, manner: None };
     let label = Category { action: Action::PickUp, object: Object::Pen };
     let fault = |frames| Recorded::new(&motion, frames, &recast(&person, label)).unwrap_err();
     assert!(matches!(fault(0..=4), RecordedError::TooFew { found: 3, .. }));

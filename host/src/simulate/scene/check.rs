@@ -8,23 +8,14 @@ use rfhoi_shared::scene::Unmet;
 
 use super::document::{At, Document};
 use super::read::Draft;
-use super::{Place, RadarPose, Room, SAMPLE_TAGS, needs, orientation};
+use super::standing::{FIELD_OF_VIEW_RAD, Fault, NEAREST_M, PERSON_M, TOUCH_M, WORKPLACE_M, fault};
+use super::{Place, RadarPose, Room, SAMPLE_TAGS, needs};
 use crate::profile;
 
-/// What a person needs around them, m.
-pub const PERSON_M: f32 = 0.35;
-/// What is done with the hands happens up to this far in front of a person, m.
-pub const WORKPLACE_M: f32 = 0.8;
-/// Nearest place to the radar, so that the workplace before a person who looks at it does not reach it, m.
-pub const NEAREST_M: f32 = 0.9;
-/// What the radar's antennas see to either side and up and down: 120 degrees in all.
-pub const FIELD_OF_VIEW_RAD: f32 = core::f32::consts::FRAC_PI_3;
 /// Radar and antennas have no wall or furniture before them that is nearer than this, m.
 const CLEAR_M: f32 = 0.5;
 /// Antennas nearer to each other than this are at one point, m.
 const APART_M: f32 = 0.01;
-/// Rounding of coordinates: what touches a wall is not in it.
-const TOUCH_M: f32 = 1e-3;
 
 /// Complains of all that does not fit.
 ///
@@ -196,70 +187,55 @@ fn stands_free(
     }
 }
 
-/// What is wrong with a place.
+/// What is wrong with a place, in a sentence.
 fn misplaced(draft: &Draft, room: &Room, radar: &RadarPose, place: &Place) -> Option<String> {
+    let furniture = draft.furniture.iter().map(|f| &f.value);
+    let fault = fault(room, radar, furniture, place)?;
     let stand = place.position;
-    let floor = stand.extend(room.min.z);
     let who = format!("a person at [{:.2}, {:.2}]", stand.x, stand.y);
-    let margin = Vec3::new(PERSON_M - TOUCH_M, PERSON_M - TOUCH_M, 0.0);
-    if !room.contains(floor - margin) || !room.contains(floor + margin) {
-        let what = if room.contains(floor) { "would stand in a wall" } else { "would be out of the room" };
-        let walls = walls(room);
-        return Some(format!("{who} {what}: they need {PERSON_M} m around them; {walls}"));
-    }
-    let low = || draft.furniture.iter().filter(|f| f.value.is_low(room));
-    if let Some(f) = low().find(|f| f.value.distance_on_floor(stand) < PERSON_M - TOUCH_M) {
-        let (name, line) = (&f.value.name, f.line);
-        return Some(format!(
-            "{who} would stand in {name} (line {line}): they need {PERSON_M} m around them"
-        ));
-    }
     let facing = place.facing_rad.to_degrees().round();
-    let hands = place.hands(radar.position);
-    if !room.contains(hands.extend(room.min.z)) {
-        let walls = walls(room);
-        return Some(format!(
-            "{who} with facing_deg {facing} has a wall before them: their hands need {WORKPLACE_M} m; {walls}"
-        ));
-    }
-    if let Some(f) = low().find(|f| f.value.is_between(room, stand, hands)) {
-        let (name, line) = (&f.value.name, f.line);
-        return Some(format!(
-            "{who} with facing_deg {facing} has {name} (line {line}) before them: their hands need {WORKPLACE_M} m for \
-             the sample's own things"
-        ));
-    }
-    let distance = stand.distance(radar.position.truncate());
-    if distance < NEAREST_M - TOUCH_M {
-        return Some(format!(
-            "{who} is {distance:.2} m from the radar, nearer than {NEAREST_M} m: what their hands do before them would \
+    let piece = |number: usize| {
+        let At { line, value } = &draft.furniture[number];
+        format!("{} (line {line})", value.name)
+    };
+    Some(match fault {
+        Fault::Outside => {
+            format!("{who} would be out of the room: they need {PERSON_M} m around them; {}", walls(room))
+        }
+        Fault::InWall => {
+            format!("{who} would stand in a wall: they need {PERSON_M} m around them; {}", walls(room))
+        }
+        Fault::InFurniture(n) => {
+            format!("{who} would stand in {}: they need {PERSON_M} m around them", piece(n))
+        }
+        Fault::WallBefore => format!(
+            "{who} with facing_deg {facing} has a wall before them: their hands need {WORKPLACE_M} m; {}",
+            walls(room)
+        ),
+        Fault::FurnitureBefore(n) => format!(
+            "{who} with facing_deg {facing} has {} before them: their hands need {WORKPLACE_M} m for the sample's own \
+             things",
+            piece(n)
+        ),
+        Fault::Near { distance_m } => format!(
+            "{who} is {distance_m:.2} m from the radar, nearer than {NEAREST_M} m: what their hands do before them would \
              reach behind it"
-        ));
-    }
-    let chest = place.chest(room);
-    let seen = orientation(radar.yaw_rad, radar.pitch_rad) * (chest - radar.position);
-    let azimuth = libm::atan2f(seen.x, seen.y);
-    let elevation = libm::atan2f(seen.z, seen.truncate().length());
-    if azimuth.abs() > FIELD_OF_VIEW_RAD || elevation.abs() > FIELD_OF_VIEW_RAD {
-        let field = FIELD_OF_VIEW_RAD.to_degrees().round();
-        return Some(format!(
-            "the radar does not see {who}: they are {:.0} degrees to its right and {:.0} degrees up, it sees {field} \
+        ),
+        Fault::OutOfSight { azimuth_rad, elevation_rad } => format!(
+            "the radar does not see {who}: they are {:.0} degrees to its right and {:.0} degrees up, it sees {:.0} \
              degrees either way",
-            azimuth.to_degrees(),
-            elevation.to_degrees()
-        ));
-    }
-    let range = seen.length();
-    if range > radar.depth_m {
-        return Some(format!(
-            "{who} is {range:.2} m from the radar, past its range gate, which ends at depth_m of {:.2} m (line {}): move \
+            azimuth_rad.to_degrees(),
+            elevation_rad.to_degrees(),
+            FIELD_OF_VIEW_RAD.to_degrees()
+        ),
+        Fault::Far { range_m } => format!(
+            "{who} is {range_m:.2} m from the radar, past its range gate, which ends at depth_m of {:.2} m (line {}): move \
              the place nearer or raise depth_m",
             radar.depth_m, draft.depth_line
-        ));
-    }
-    let hides = draft.furniture.iter().find(|f| f.value.entered(radar.position, chest).is_some());
-    hides.map(|f| {
-        format!("the radar does not see {who}: {} (line {}) stands between them", f.value.name, f.line)
+        ),
+        Fault::Hidden(n) => {
+            format!("the radar does not see {who}: {} stands between them", piece(n))
+        }
     })
 }
 

@@ -2,14 +2,11 @@
 
 use glam::{Mat3, Vec2, Vec3};
 
-use super::check::{FIELD_OF_VIEW_RAD, NEAREST_M, PERSON_M, WORKPLACE_M};
-use super::{Furniture, Place, Room, Scene};
+use super::{Furniture, Room, Scene};
 use crate::simulate::Surface;
 
 /// Longest edge of a facet of furniture, m.
 const FACET_M: f32 = 0.15;
-/// Height of a standing person's chest over the floor, the middle of what the radar must see, m.
-pub const CHEST_M: f32 = 1.2;
 /// Height under which people walk, m.
 const HEADROOM_M: f32 = 2.2;
 /// Faces nearer than this to a wall are not seen, m.
@@ -107,50 +104,7 @@ impl Furniture {
     }
 }
 
-impl Place {
-    /// Where a person at this place looks, for a radar at `radar`: a unit vector on the floor.
-    pub fn front(&self, radar: Vec3) -> Vec2 {
-        let towards = (radar.truncate() - self.position).normalize_or(Vec2::NEG_Y);
-        Vec2::new(libm::cosf(self.facing_rad), libm::sinf(self.facing_rad)).rotate(towards)
-    }
-
-    /// Where their chest is when they stand.
-    pub(super) fn chest(&self, room: &Room) -> Vec3 {
-        self.position.extend(room.min.z + CHEST_M)
-    }
-
-    /// As far before them as their hands reach.
-    pub(super) fn hands(&self, radar: Vec3) -> Vec2 {
-        self.position + self.front(radar) * WORKPLACE_M
-    }
-}
-
 impl Scene {
-    /// Whether the hands of a person at `place` have room for a sample's own things.
-    pub fn is_free(&self, place: &Place) -> bool {
-        let hands = place.hands(self.radar.position);
-        self.room.contains(hands.extend(self.room.min.z))
-            && !self.furniture.iter().any(|f| f.is_between(&self.room, place.position, hands))
-    }
-
-    /// Whether a person at `place` stands free, has room for their hands, and is seen by the radar.
-    pub fn admits(&self, place: &Place) -> bool {
-        let Self { room, radar, furniture, .. } = self;
-        let (stand, floor) = (place.position, place.position.extend(room.min.z));
-        let margin = Vec3::new(PERSON_M, PERSON_M, 0.0);
-        let chest = place.chest(room);
-        let seen = radar.axes() * (chest - radar.position);
-        let low = || furniture.iter().filter(|piece| piece.is_low(room));
-        room.contains(floor - margin)
-            && room.contains(floor + margin)
-            && low().all(|piece| piece.distance_on_floor(stand) >= PERSON_M)
-            && self.is_free(place)
-            && (NEAREST_M..).contains(&stand.distance(radar.position.truncate()))
-            && seen.length() <= radar.depth_m
-            && libm::atan2f(seen.x, seen.y).abs() <= FIELD_OF_VIEW_RAD
-            && !furniture.iter().any(|piece| piece.entered(radar.position, chest).is_some())
-    }
-
     /// The furniture as the radar sees it: triangles with outward normals, and their vertices, m. Walls are no part of
     /// it: they mirror ([`Room::images`]). Faces that stand against a wall, the floor or the ceiling are left out.
     pub fn fixtures(&self) -> (Surface, Vec<Vec3>) {
@@ -282,15 +236,6 @@ mod tests {
         assert_eq!(cupboard.entered(Vec3::new(0.5, 0.0, 1.0), Vec3::new(0.5, 5.0, 1.0)), None);
         assert!((cupboard.distance_on_floor(Vec2::new(1.7, 3.6)) - 0.5).abs() < 1e-6);
         assert_eq!(cupboard.distance_on_floor(Vec2::new(1.1, 3.0)), 0.0);
-    }
-
-    #[test]
-    fn people_turn_to_their_left() {
-        let radar = Vec3::new(0.0, 0.2, 1.0);
-        let place = |facing_rad| Place { position: Vec2::new(0.0, 2.2), facing_rad };
-        assert!(place(0.0).front(radar).distance(Vec2::NEG_Y) < 1e-6);
-        // Who looks at the radar has x, which is the radar's right, on their left.
-        assert!(place(FRAC_PI_2).front(radar).distance(Vec2::X) < 1e-6);
     }
 
     #[test]

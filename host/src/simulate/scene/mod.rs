@@ -11,6 +11,7 @@ mod geometry;
 mod keys;
 mod read;
 mod rooms;
+mod standing;
 
 use std::borrow::Cow;
 use std::path::Path;
@@ -21,11 +22,11 @@ use rfhoi_shared::scene::{Scene as Needs, Unmet};
 use rfhoi_shared::tag::Epc;
 use rfhoi_shared::units::{Metres, MetresPerSecond};
 
-pub use check::{FIELD_OF_VIEW_RAD, NEAREST_M, PERSON_M, WORKPLACE_M};
 pub use error::{Complaint, SceneError};
-pub use geometry::CHEST_M;
+pub use standing::{CHEST_M, FIELD_OF_VIEW_RAD, NEAREST_M, PERSON_M, WORKPLACE_M};
 
 use crate::hoi::Object;
+use crate::simulate::perform::Manner;
 use document::Document;
 
 /// Tags of a sample: its object's and those of five others (the paper's section 4.2).
@@ -297,6 +298,8 @@ pub struct Person {
     pub height_m: f32,
     /// Girth relative to an average person of that height.
     pub build: f32,
+    /// How they move, if not as people of the data's domain do.
+    pub manner: Option<Manner>,
 }
 
 /// Where a person acts.

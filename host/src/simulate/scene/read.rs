@@ -321,7 +321,7 @@ fn person(document: &mut Document<'_>, section: &Section<'_>) -> Option<At<Perso
     let height = document.number(section, &keys::HEIGHT);
     let build = document.number(section, &keys::BUILD);
     let At { line, value: name } = name?;
-    Some(At { line, value: Person { name, height_m: height?, build: build? } })
+    Some(At { line, value: Person { name, height_m: height?, build: build?, manner: None } })
 }
 
 /// One place for each way to look.

@@ -10,6 +10,7 @@ use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 
 use super::{Furniture, Person, Place, Room, Scene};
+use crate::simulate::perform::Manner;
 
 /// From the radar to the walls at its sides, behind it and before it, m.
 const SIDE_M: Range<f32> = 1.8..4.0;
@@ -36,8 +37,9 @@ const PLACES: usize = 12;
 const TRIES: usize = 60;
 
 impl Scene {
-    /// Another room, the `number`th, with its own furniture, people and places; what is on the walls is this scene's.
-    pub fn other_room(&self, number: usize, rng: &mut ChaCha8Rng) -> Self {
+    /// Another room, the `number`th, with its own furniture, people, who move in `manner`, and places; what is on the walls is
+    /// this scene's.
+    pub fn other_room(&self, number: usize, manner: Option<Manner>, rng: &mut ChaCha8Rng) -> Self {
         let radar = self.radar.position;
         let near = Vec3::new(
             radar.x - rng.random_range(SIDE_M),
@@ -64,6 +66,7 @@ impl Scene {
                 name: format!("R{number}-{n}"),
                 height_m: rng.random_range(HEIGHT_M),
                 build: rng.random_range(BUILD),
+                manner,
             })
             .collect();
         loop {
@@ -126,7 +129,7 @@ mod tests {
     fn rooms_differ_hold_what_is_in_them_and_have_places() {
         let hall = Scene::named("open-room").unwrap();
         let mut rng = ChaCha8Rng::seed_from_u64(5);
-        let rooms: Vec<Scene> = (0..40).map(|number| hall.other_room(number, &mut rng)).collect();
+        let rooms: Vec<Scene> = (0..40).map(|number| hall.other_room(number, None, &mut rng)).collect();
         for scene in &rooms {
             assert!(scene.places.len() >= FEWEST_PLACES, "{}", scene.name);
             assert!(scene.places.iter().all(|place| scene.admits(place)));
