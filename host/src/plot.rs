@@ -1,32 +1,53 @@
-//! Pictures of maps, of series and of scenes, as PNG and GIF files.
+//! Pictures of maps, of series, of results and of scenes, as PNG, SVG and GIF files.
 //!
-//! In: a [`Figure`] of panels in a grid, each a [`Heatmap`] (values over two axes, with a colour bar), [`Lines`] (series
-//! over one axis) or a [`View`] (shapes of a scene, to scale). Out: a PNG file that appears whole, or an animated GIF of
-//! several figures ([`save_film`]). Every axis and colour bar has its unit; missing values are
-//! hatched; a map with more cells than pixels is reduced by maximum or mean, so that nothing is left out by chance.
-//! Fonts come with the program, so that pictures look the same everywhere.
+//! In: a [`Figure`] of panels in a grid. Out: a PNG or SVG file that appears whole, or an animated GIF of several figures
+//! ([`save_film`]). Every axis and colour bar has its unit; missing values are hatched; a map with more cells than pixels
+//! is reduced by maximum or mean, so that nothing is left out by chance; series differ in more than colour where they are
+//! printed. Fonts come with the program, so that PNG files look the same everywhere; in SVG files text stays text, fitted
+//! to the room it has, and they have no [`Heatmap`].
+//!
+//! Panels:
+//!
+//! - [`Heatmap`]: values over two axes, with a colour bar.
+//! - [`Lines`]: series over one axis, with or without intervals.
+//! - [`Bars`]: a value for each group and series, with intervals and reference values.
+//! - [`Scatter`]: labelled points of a trade, as speed against accuracy, with the Pareto [`Front`].
+//! - [`View`]: shapes of a scene, to scale.
+//!
+//! Parts: `axis` (ends and ticks), `frame` (axes on the paper), `legend`, `labels` (their places beside points), `bar`
+//! (colour bars), `colour`, `canvas` (paper of pixels or vectors), `film`, and a file for each panel.
 
 mod axis;
 mod bar;
+mod bars;
 mod canvas;
 mod colour;
 mod film;
+mod frame;
+mod front;
 mod heatmap;
+mod labels;
+mod legend;
 mod lines;
+mod scatter;
 mod view;
 
 use std::path::{Path, PathBuf};
 
 pub use axis::Axis;
 pub use bar::ColourScale;
+pub use bars::{BarSeries, BarValue, Bars};
+pub use canvas::Marker;
 pub use film::save_film;
+pub use front::{Better, Front};
 pub use heatmap::{Heatmap, Reduce};
-pub use lines::{Lines, Marks, Series, Style};
+pub use lines::{Lines, Marks, Points, Series, Style};
+pub use scatter::{Scatter, ScatterPoint, ScatterSeries};
 pub use view::{Paint, Shape, View};
 
 use crate::atomic::{AtomicFile, WriteError};
-use axis::Sides;
 use canvas::{Anchor, Area, Canvas, Drawn, INK};
+use frame::Sides;
 
 /// Height of the figure's title and the size of its letters, pixels.
 const TITLE: i32 = 46;
@@ -77,6 +98,10 @@ pub enum Panel {
     Heatmap(Heatmap),
     /// Series over one axis.
     Lines(Lines),
+    /// Groups of bars.
+    Bars(Bars),
+    /// Points of a trade.
+    Scatter(Scatter),
     /// Shapes of a scene.
     View(View),
 }
@@ -133,21 +158,22 @@ impl Figure {
         }
     }
 
-    /// Draws the figure and puts it at `path`, which should end in `.png`.
+    /// Draws the figure and puts it at `path`: as pixels if that ends in `.png`, as vectors if in `.svg`.
     ///
     /// # Errors
-    /// Any [`PlotError`].
+    /// Any [`PlotError`]. A [`Heatmap`] is made of pixels and refused as vectors.
     pub fn save(&self, path: impl AsRef<Path>) -> Result<(), PlotError> {
         let path = path.as_ref();
-        let canvas = self.canvas(path)?;
+        let vectors = path.extension().is_some_and(|e| e.eq_ignore_ascii_case("svg"));
+        let canvas = self.canvas(path, if vectors { Canvas::of_vectors } else { Canvas::of_pixels })?;
         let file = AtomicFile::create(path)?;
         let trouble = |reason: String| PlotError::Draw { path: path.to_path_buf(), reason };
         canvas.save(file.temporary()).map_err(|e| trouble(e.to_string()))?;
         Ok(file.commit()?)
     }
 
-    /// The figure, drawn; `path` is where it is to go.
-    fn canvas(&self, path: &Path) -> Result<Canvas, PlotError> {
+    /// The figure, drawn on `paper` of a width and a height; `path` is where it is to go.
+    fn canvas(&self, path: &Path, paper: fn(i32, i32) -> Canvas) -> Result<Canvas, PlotError> {
         let columns = self.columns.clamp(1, self.panels.len().max(1)) as u32;
         let rows = self.panels.len().div_ceil(columns as usize) as u32;
         let (width, height) = (self.width / columns, self.panel_height);
@@ -161,7 +187,7 @@ impl Figure {
                 height,
             });
         }
-        let mut canvas = Canvas::new(self.width as i32, total as i32);
+        let mut canvas = paper(self.width as i32, total as i32);
         self.draw(&mut canvas, columns as i32, title)
             .map_err(|e| PlotError::Draw { path: path.to_path_buf(), reason: e.to_string() })?;
         Ok(canvas)
@@ -181,6 +207,8 @@ impl Figure {
             match panel {
                 Panel::Heatmap(map) => map.draw(canvas, area, sides)?,
                 Panel::Lines(lines) => lines.draw(canvas, area, sides)?,
+                Panel::Bars(bars) => bars.draw(canvas, area, sides)?,
+                Panel::Scatter(scatter) => scatter.draw(canvas, area, sides)?,
                 Panel::View(view) => view.draw(canvas, area, sides)?,
             }
             if self.highlighted == usize::try_from(number).ok() {

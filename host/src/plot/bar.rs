@@ -1,7 +1,8 @@
 //! What colours mean: a scale of values, and the bar that shows it.
 
-use super::axis::{Axis, LABEL_LETTERS, TICK_LETTERS};
+use super::axis::Axis;
 use super::canvas::{Anchor, Area, Canvas, Drawn, FRAME, INK, Rgb, Trouble};
+use super::frame::{LABEL_LETTERS, TICK_LETTERS};
 
 /// Width of the bar, and from the panel to it, pixels.
 const BAR: i32 = 18;
@@ -69,7 +70,7 @@ impl Bar {
     /// Draws it beside `plot`, up to the right side of `area`; `colour` has that of a value from 0 to 1.
     pub(super) fn draw(&self, canvas: &mut Canvas, area: Area, plot: Area, colour: fn(f64) -> Rgb) -> Drawn {
         let bar = Area { left: plot.right() + GAP, width: BAR, ..plot };
-        canvas.paint(bar, |_, y| colour(1.0 - (f64::from(y) + 0.5) / f64::from(bar.height)));
+        canvas.ramp(bar, colour);
         canvas.frame(bar, FRAME)?;
         let edge = f64::from(bar.right());
         for (value, label) in &self.ticks {

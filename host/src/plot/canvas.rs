@@ -1,26 +1,18 @@
-//! What panels draw on: pixels, lines, markers and text, in the picture's pixels from its upper left corner.
-//!
-//! Everything is drawn at [`SCALE`] times the size and averaged down, so that letters and thin lines come out even.
+//! What panels draw on. In: lines, markers, hatching and text, in the picture's pixels from its upper left corner. Out: a
+//! file of pixels or of vectors ([`Pixels`] and [`Svg`]).
+
+mod hatch;
+mod pixels;
+mod svg;
 
 use std::path::Path;
-use std::sync::OnceLock;
 
-use plotters::backend::{BitMapBackend, DrawingBackend};
-use plotters::style::text_anchor::{HPos, Pos, VPos};
-use plotters::style::{
-    Color, FontDesc, FontFamily, FontStyle, FontTransform, RGBColor, ShapeStyle, TextStyle, register_font,
-};
-
-/// Oversampling in each direction.
-const SCALE: i32 = 3;
-/// How far the font's letters lie above the middle of their line, of its height.
-const RISE: f64 = 0.12;
-/// Bytes of a pixel.
-const CHANNELS: usize = 3;
-const FONT: &str = "rf-hoi";
+pub(super) use hatch::{Hatch, Weave};
+use pixels::Pixels;
+use svg::Svg;
 
 /// A colour: red, green, blue.
-pub(super) type Rgb = [u8; CHANNELS];
+pub(super) type Rgb = [u8; 3];
 
 /// Letters.
 pub(super) const INK: Rgb = [24, 24, 24];
@@ -28,6 +20,12 @@ pub(super) const INK: Rgb = [24, 24, 24];
 pub(super) const FRAME: Rgb = [96, 96, 96];
 /// Grid lines.
 pub(super) const GRID: Rgb = [224, 224, 224];
+/// The paper.
+pub(super) const WHITE: Rgb = [255; 3];
+/// Width of the pale edge around labels, pixels.
+pub(super) const EDGE: f64 = 2.0;
+/// Width of the outline of hollow markers, pixels.
+const OUTLINE: f64 = 1.8;
 
 /// The drawing library's complaint.
 #[derive(Debug, thiserror::Error)]
@@ -56,6 +54,16 @@ pub(super) struct Area {
 }
 
 impl Area {
+    /// The whole pixels that a rectangle of any size touches.
+    pub(super) fn around((left, top): Point, (width, height): Point) -> Self {
+        Self {
+            left: left as i32,
+            top: top as i32,
+            width: width.ceil() as i32 + 1,
+            height: height.ceil() as i32 + 1,
+        }
+    }
+
     /// First column right of it.
     pub(super) fn right(self) -> i32 {
         self.left + self.width
@@ -83,6 +91,22 @@ impl Area {
             f64::from(self.top) + f64::from(self.height) / 2.0,
         )
     }
+
+    /// Whether all of `inner` is in it.
+    pub(super) fn contains(self, inner: Self) -> bool {
+        inner.left >= self.left
+            && inner.top >= self.top
+            && inner.right() <= self.right()
+            && inner.bottom() <= self.bottom()
+    }
+
+    /// Whether a pixel is in both.
+    pub(super) fn overlaps(self, other: Self) -> bool {
+        self.left < other.right()
+            && other.left < self.right()
+            && self.top < other.bottom()
+            && other.top < self.bottom()
+    }
 }
 
 /// Which point of a text lies at the given place.
@@ -99,52 +123,90 @@ pub(super) enum Anchor {
 }
 
 /// Shape of a marker.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Marker {
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Marker {
+    /// A circle.
+    #[default]
     Circle,
+    /// A square.
     Square,
+    /// A triangle that points upwards.
     Triangle,
+    /// A square on its corner.
     Diamond,
+}
+
+/// Markers of series in turn, so that they stay apart without colour.
+const MARKERS: [Marker; 4] = [Marker::Circle, Marker::Square, Marker::Triangle, Marker::Diamond];
+
+impl Marker {
+    /// Number of shapes.
+    pub(super) const COUNT: usize = MARKERS.len();
+
+    /// That of series number `number`, counted from 0.
+    pub(super) fn of_series(number: usize) -> Self {
+        MARKERS[number % Self::COUNT]
+    }
+}
+
+enum Paper {
+    Pixels(Pixels),
+    Svg(Svg),
 }
 
 /// The picture.
 pub(super) struct Canvas {
-    pixels: Vec<u8>,
-    width: i32,
-    height: i32,
+    paper: Paper,
 }
 
 impl Canvas {
-    /// White paper.
-    pub(super) fn new(width: i32, height: i32) -> Self {
-        let (width, height) = (width.max(1) * SCALE, height.max(1) * SCALE);
-        Self { pixels: vec![255; (width * height) as usize * CHANNELS], width, height }
+    /// White paper that becomes pixels.
+    pub(super) fn of_pixels(width: i32, height: i32) -> Self {
+        Self { paper: Paper::Pixels(Pixels::new(width, height)) }
     }
 
-    fn backend(&mut self) -> BitMapBackend<'_> {
-        BitMapBackend::with_buffer(&mut self.pixels, (self.width as u32, self.height as u32))
+    /// White paper that becomes vectors.
+    pub(super) fn of_vectors(width: i32, height: i32) -> Self {
+        Self { paper: Paper::Svg(Svg::new(width, height)) }
     }
 
     /// Fills a rectangle, clipped to the paper.
     pub(super) fn fill(&mut self, area: Area, colour: Rgb) {
-        self.paint(area, |_, _| colour);
+        match &mut self.paper {
+            Paper::Pixels(pixels) => pixels.paint(area, |_, _| colour),
+            Paper::Svg(svg) => svg.fill(area, colour),
+        }
     }
 
     /// Gives each pixel of a rectangle the colour that `colour(x, y)` has for it, counted from its upper left corner.
-    pub(super) fn paint(&mut self, area: Area, colour: impl Fn(i32, i32) -> Rgb) {
-        let (paper_width, paper_height) = (self.width / SCALE, self.height / SCALE);
-        for y in area.top.max(0)..area.bottom().min(paper_height) {
-            for x in area.left.max(0)..area.right().min(paper_width) {
-                let colour = colour(x - area.left, y - area.top);
-                for row in 0..SCALE {
-                    let start = ((y * SCALE + row) * self.width + x * SCALE) as usize * CHANNELS;
-                    for pixel in
-                        self.pixels[start..start + SCALE as usize * CHANNELS].chunks_exact_mut(CHANNELS)
-                    {
-                        pixel.copy_from_slice(&colour);
-                    }
-                }
+    ///
+    /// # Errors
+    /// On paper of vectors, which has no pixels.
+    pub(super) fn paint(&mut self, area: Area, colour: impl Fn(i32, i32) -> Rgb) -> Drawn {
+        match &mut self.paper {
+            Paper::Pixels(pixels) => {
+                pixels.paint(area, colour);
+                Ok(())
             }
+            Paper::Svg(_) => Err(Trouble::new("a heatmap is made of pixels; save its figure as .png")),
+        }
+    }
+
+    /// Fills a rectangle with a hatching.
+    pub(super) fn hatch(&mut self, area: Area, hatch: &Hatch) {
+        match &mut self.paper {
+            Paper::Pixels(pixels) => pixels.paint(area, |x, y| hatch.colour(x, y)),
+            Paper::Svg(svg) => svg.hatch(area, hatch),
+        }
+    }
+
+    /// Fills a rectangle with colours that run upwards; `colour` has that of a height from 0 to 1.
+    pub(super) fn ramp(&mut self, area: Area, colour: fn(f64) -> Rgb) {
+        match &mut self.paper {
+            Paper::Pixels(pixels) => {
+                pixels.paint(area, |_, y| colour(1.0 - (f64::from(y) + 0.5) / f64::from(area.height)));
+            }
+            Paper::Svg(svg) => svg.ramp(area, colour),
         }
     }
 
@@ -162,53 +224,113 @@ impl Canvas {
 
     /// Draws a line through points, `width` pixels wide.
     pub(super) fn line(&mut self, points: &[Point], colour: Rgb, width: i32) -> Drawn {
-        let points: Vec<_> = points.iter().map(|&p| scaled(p)).collect();
-        let style = shape(colour, (width * SCALE) as u32);
-        self.backend().draw_path(points, &style).map_err(Trouble::new)
+        match &mut self.paper {
+            Paper::Pixels(pixels) => pixels.line(points, colour, width),
+            Paper::Svg(svg) => {
+                svg.line(points, colour, width);
+                Ok(())
+            }
+        }
+    }
+
+    /// Fills a polygon.
+    pub(super) fn polygon(&mut self, corners: &[Point], colour: Rgb) -> Drawn {
+        match &mut self.paper {
+            Paper::Pixels(pixels) => pixels.polygon(corners, colour),
+            Paper::Svg(svg) => {
+                svg.polygon(corners, colour);
+                Ok(())
+            }
+        }
     }
 
     /// Draws a filled marker, `radius` pixels from its middle to its edge.
     pub(super) fn marker(&mut self, marker: Marker, at: Point, radius: f64, colour: Rgb) -> Drawn {
-        let style = shape(colour, 1);
         let around = |corners: &[Point]| -> Vec<_> {
-            corners.iter().map(|(x, y)| scaled((at.0 + x * radius, at.1 + y * radius))).collect()
+            corners.iter().map(|(x, y)| (at.0 + x * radius, at.1 + y * radius)).collect()
         };
         let corners = match marker {
             Marker::Circle => {
-                let radius = (radius * f64::from(SCALE)).round() as u32;
-                return self.backend().draw_circle(scaled(at), radius, &style, true).map_err(Trouble::new);
+                return match &mut self.paper {
+                    Paper::Pixels(pixels) => pixels.circle(at, radius, colour),
+                    Paper::Svg(svg) => {
+                        svg.circle(at, radius, colour);
+                        Ok(())
+                    }
+                };
             }
             Marker::Square => around(&[(-0.9, -0.9), (0.9, -0.9), (0.9, 0.9), (-0.9, 0.9)]),
             Marker::Triangle => around(&[(0.0, -1.2), (1.1, 0.8), (-1.1, 0.8)]),
             Marker::Diamond => around(&[(0.0, -1.3), (1.3, 0.0), (0.0, 1.3), (-1.3, 0.0)]),
         };
-        self.backend().fill_polygon(corners, &style).map_err(Trouble::new)
+        self.polygon(&corners, colour)
+    }
+
+    /// Draws a marker, filled or in outline and white inside.
+    pub(super) fn point(
+        &mut self,
+        marker: Marker,
+        hollow: bool,
+        at: Point,
+        radius: f64,
+        colour: Rgb,
+    ) -> Drawn {
+        self.marker(marker, at, radius, colour)?;
+        if !hollow {
+            return Ok(());
+        }
+        // Sides that lie aslant are nearer to the middle than corners are.
+        let outline = match marker {
+            Marker::Circle | Marker::Square => OUTLINE,
+            Marker::Triangle => 1.5 * OUTLINE,
+            Marker::Diamond => 1.1 * OUTLINE,
+        };
+        self.marker(marker, at, (radius - outline).max(0.0), WHITE)
     }
 
     /// Writes a text with letters `size` pixels high.
     pub(super) fn text(&mut self, text: &str, size: f64, at: Point, anchor: Anchor, colour: Rgb) -> Drawn {
-        let horizontal = match anchor {
-            Anchor::Left => HPos::Left,
-            Anchor::Right => HPos::Right,
-            Anchor::Middle | Anchor::MiddleUpwards => HPos::Center,
-        };
-        let (mut font, mut at) = (font(size), at);
-        if anchor == Anchor::MiddleUpwards {
-            font = font.transform(FontTransform::Rotate270);
-            at.0 += RISE * size;
-        } else {
-            at.1 += RISE * size;
+        match &mut self.paper {
+            Paper::Pixels(pixels) => pixels.text(text, size, at, anchor, colour),
+            Paper::Svg(svg) => svg.text(text, size, at, anchor, colour, svg::Stroke::None),
         }
-        let [red, green, blue] = colour;
-        let colour = RGBColor(red, green, blue);
-        let style = TextStyle::from(font).pos(Pos::new(horizontal, VPos::Center)).color(&colour);
-        self.backend().draw_text(text, &style, scaled(at)).map_err(Trouble::new)
+    }
+
+    /// Writes a text with a pale edge, which keeps its letters readable on whatever they lie.
+    pub(super) fn label(&mut self, text: &str, size: f64, at: Point, anchor: Anchor, bold: bool) -> Drawn {
+        match &mut self.paper {
+            Paper::Pixels(pixels) => {
+                for n in 0..8 {
+                    let (sin, cos) = (f64::from(n) * std::f64::consts::FRAC_PI_4).sin_cos();
+                    pixels.text(text, size, (at.0 + EDGE * cos, at.1 + EDGE * sin), anchor, WHITE)?;
+                }
+                if bold {
+                    // There is one font; its letters become bold by their width.
+                    for step in [-1, 1, 2] {
+                        let aside = f64::from(step) / f64::from(pixels::SCALE);
+                        pixels.text(text, size, (at.0 + aside, at.1), anchor, INK)?;
+                    }
+                }
+                pixels.text(text, size, at, anchor, INK)
+            }
+            Paper::Svg(svg) => {
+                // Twice, for not all readers can draw the edge behind the letters of one text.
+                svg.text(text, size, at, anchor, WHITE, svg::Stroke::Edge)?;
+                svg.text(
+                    text,
+                    size,
+                    at,
+                    anchor,
+                    INK,
+                    if bold { svg::Stroke::Bold } else { svg::Stroke::None },
+                )
+            }
+        }
     }
 
     /// Width of a text, pixels.
     pub(super) fn text_width(&self, text: &str, size: f64) -> Result<i32, Trouble> {
-        let (width, _) = font(size).box_size(text).map_err(Trouble::new)?;
-        Ok(width as i32 / SCALE)
+        pixels::text_width(text, size)
     }
 
     /// `text`, cut with an ellipsis if it is wider than `width`.
@@ -226,55 +348,22 @@ impl Canvas {
         Ok(String::new())
     }
 
-    /// Fills a polygon.
-    pub(super) fn polygon(&mut self, corners: &[Point], colour: Rgb) -> Drawn {
-        let corners: Vec<_> = corners.iter().map(|&p| scaled(p)).collect();
-        self.backend().fill_polygon(corners, &shape(colour, 1)).map_err(Trouble::new)
-    }
-
-    /// Averages the picture down and writes it to `path` in the format of its extension.
+    /// Writes the picture to `path`: pixels in the format of its extension, vectors as SVG.
     pub(super) fn save(&self, path: &Path) -> Drawn {
-        let (size, pixels) = self.pixels();
-        let mut file = BitMapBackend::new(path, size);
-        file.blit_bitmap((0, 0), size, &pixels).map_err(Trouble::new)?;
-        file.present().map_err(Trouble::new)
-    }
-
-    /// Width and height of the picture averaged down, and its pixels, row by row.
-    pub(super) fn pixels(&self) -> ((u32, u32), Vec<u8>) {
-        let (width, height) = (self.width / SCALE, self.height / SCALE);
-        let mut pixels = Vec::with_capacity((width * height) as usize * CHANNELS);
-        for y in 0..height {
-            for x in 0..width {
-                for channel in 0..CHANNELS {
-                    let part = |n: i32| {
-                        let (row, column) = (y * SCALE + n / SCALE, x * SCALE + n % SCALE);
-                        u32::from(self.pixels[(row * self.width + column) as usize * CHANNELS + channel])
-                    };
-                    let parts = SCALE * SCALE;
-                    pixels.push(((0..parts).map(part).sum::<u32>() / parts as u32) as u8);
-                }
-            }
+        match &self.paper {
+            Paper::Pixels(pixels) => pixels.save(path),
+            Paper::Svg(svg) => std::fs::write(path, svg.document()).map_err(Trouble::new),
         }
-        ((width as u32, height as u32), pixels)
     }
-}
 
-fn scaled((x, y): Point) -> (i32, i32) {
-    let scale = f64::from(SCALE);
-    ((x * scale).round() as i32, (y * scale).round() as i32)
-}
-
-fn shape([red, green, blue]: Rgb, width: u32) -> ShapeStyle {
-    RGBColor(red, green, blue).filled().stroke_width(width)
-}
-
-/// The one font, at oversampled size.
-fn font(size: f64) -> FontDesc<'static> {
-    static REGISTERED: OnceLock<()> = OnceLock::new();
-    REGISTERED.get_or_init(|| {
-        // A font that fails to register shows as an error of the first text.
-        let _ = register_font(FONT, FontStyle::Normal, epaint_default_fonts::UBUNTU_LIGHT);
-    });
-    FontDesc::new(FontFamily::Name(FONT), size * f64::from(SCALE), FontStyle::Normal)
+    /// Width and height of the picture and its pixels, row by row.
+    ///
+    /// # Errors
+    /// On paper of vectors, which has no pixels.
+    pub(super) fn pixels(&self) -> Result<((u32, u32), Vec<u8>), Trouble> {
+        match &self.paper {
+            Paper::Pixels(pixels) => Ok(pixels.pixels()),
+            Paper::Svg(_) => Err(Trouble::new("a picture of vectors has no pixels")),
+        }
+    }
 }

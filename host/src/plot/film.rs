@@ -7,7 +7,7 @@ use std::path::Path;
 
 use gif::{Encoder, Frame, Repeat};
 
-use super::canvas::{FRAME, GRID, INK, Rgb};
+use super::canvas::{Canvas, FRAME, GRID, INK, Rgb};
 use super::{Figure, PlotError, colour};
 use crate::atomic::AtomicFile;
 
@@ -37,7 +37,7 @@ pub fn save_film(
     let palette = Palette::new();
     let mut figures = figures.into_iter();
     let first = figures.next().ok_or_else(|| trouble("a film needs one picture or more".into()))?;
-    let (size, pixels) = first.canvas(path)?.pixels();
+    let (size, pixels) = pixels_of(&first, path)?;
 
     let file = AtomicFile::create(path)?;
     let out = File::create(file.temporary()).map_err(|e| trouble(e.to_string()))?;
@@ -54,7 +54,7 @@ pub fn save_film(
         frame.delay = u16::try_from(stay).unwrap_or(u16::MAX);
         encoder.write_frame(&frame).map_err(|e| trouble(e.to_string()))?;
         let Some(next) = next else { break };
-        let (next_size, pixels) = next.canvas(path)?.pixels();
+        let (next_size, pixels) = pixels_of(&next, path)?;
         if next_size != size {
             return Err(trouble(format!(
                 "picture {} of the film has another size than the first",
@@ -68,6 +68,12 @@ pub fn save_film(
     let mut out = encoder.into_inner().map_err(|e| trouble(e.to_string()))?;
     out.flush().map_err(|e| trouble(e.to_string()))?;
     Ok(file.commit()?)
+}
+
+/// Width and height of a figure and its pixels, row by row.
+fn pixels_of(figure: &Figure, path: &Path) -> Result<((u32, u32), Vec<u8>), PlotError> {
+    let canvas = figure.canvas(path, Canvas::of_pixels)?;
+    canvas.pixels().map_err(|e| PlotError::Draw { path: path.to_path_buf(), reason: e.to_string() })
 }
 
 /// The rectangle in which `after` differs from `before`; all of it if there is nothing before, one pixel if nothing does.

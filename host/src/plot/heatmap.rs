@@ -1,18 +1,18 @@
-//! Values over two axes, with a colour bar.
+//! Values over two axes: in, a map; out, a panel of coloured pixels with a colour bar. It has no form of vectors.
 
 use ndarray::{Array2, ArrayView2, Slice};
 
-use super::axis::{Axis, Frame, Sides, TICK_LETTERS, draw_title, title_room};
+use super::axis::Axis;
 use super::bar::{Bar, ColourScale};
-use super::canvas::{Anchor, Area, Canvas, Drawn, FRAME, INK, Rgb};
+use super::canvas::{Anchor, Area, Canvas, Drawn, FRAME, Hatch, INK, WHITE, Weave};
 use super::colour;
+use super::frame::{Frame, Sides, TICK_LETTERS, draw_title, title_room};
 
 /// Width of the swatch that explains the hatching.
 const SWATCH: i32 = 26;
-/// Hatching of missing values: its period in pixels, its stripes and what is between them.
-const HATCH: i32 = 7;
-const STRIPE: Rgb = [176, 176, 176];
-const PALE: Rgb = [236, 236, 236];
+/// Hatching of missing values.
+const MISSING: Hatch =
+    Hatch { weave: Weave::Rising, stripe: [176; 3], ground: [236; 3], period: 7, width: 2 };
 
 /// How cells that share a pixel become one value.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -59,13 +59,17 @@ impl Heatmap {
             (pixel as usize * cells / pixels.max(1) as usize).min(cells - 1)
         };
         if rows == 0 || columns == 0 {
-            canvas.paint(plot, hatched);
+            canvas.hatch(plot, &MISSING);
         } else {
             canvas.paint(plot, |x, y| {
                 let row = cell_of(plot.height - 1 - y, plot.height, rows);
                 let value = cells[(row, cell_of(x, plot.width, columns))];
-                if value.is_nan() { hatched(x, y) } else { colour::of_value(scale.place(f64::from(value))) }
-            });
+                if value.is_nan() {
+                    MISSING.colour(x, y)
+                } else {
+                    colour::of_value(scale.place(f64::from(value)))
+                }
+            })?;
         }
         frame.draw(canvas)?;
         if let Some(bar) = bar {
@@ -90,20 +94,15 @@ impl Heatmap {
                     top: area.top - 2,
                     height: 24,
                 },
-                [255; 3],
+                WHITE,
             );
-            canvas.paint(swatch, hatched);
+            canvas.hatch(swatch, &MISSING);
             canvas.frame(swatch, FRAME)?;
             let at = (f64::from(swatch.right() + 8), f64::from(top) + 7.0);
             canvas.text(text, TICK_LETTERS, at, Anchor::Left, INK)?;
         }
         Ok(())
     }
-}
-
-/// Colour of a missing value's pixel.
-fn hatched(x: i32, y: i32) -> Rgb {
-    if (x + y).rem_euclid(HATCH) < 2 { STRIPE } else { PALE }
 }
 
 /// `values` with at most `rows` x `columns` cells, each made of all the values that fall into it. Missing values count

@@ -1,22 +1,20 @@
-//! Series over one axis, as lines or as dots.
+//! Series over one axis: in, points with or without intervals; out, a panel of lines, dots or both.
 
-use super::axis::{Axis, Frame, MARGIN, Sides, TICK_LETTERS, TITLE_LETTERS, draw_title};
-use super::canvas::{Anchor, Area, Canvas, Drawn, FRAME, INK, Marker, Point, Rgb, Trouble};
+use super::axis::Axis;
+use super::canvas::{Area, Canvas, Drawn, FRAME, Hatch, Marker, Point, Rgb, Weave};
 use super::colour;
+use super::frame::{Frame, MARGIN, Sides};
+use super::legend::{Entry, Legend, Sign};
 
-/// Height of a row of the legend, and of its markers' part of an entry.
-const LEGEND_ROW: i32 = 24;
-const LEGEND_MARK: i32 = 26;
-const LEGEND_GAP: i32 = 22;
-/// From the middle of a dot to its edge.
+/// From the middle of a dot, of one in the legend, and of one on a line to its edge, pixels.
 const DOT: f64 = 2.6;
-/// Hatching of marked parts: its period in pixels, its stripes and what is between them. Apart from the grey of the grid,
-/// and light when printed.
-const HATCH: i32 = 9;
-const STRIPE: Rgb = [236, 176, 120];
-const PALE: Rgb = [252, 236, 218];
-/// Markers of series in turn, so that they stay apart without colour.
-const MARKERS: [Marker; 4] = [Marker::Circle, Marker::Square, Marker::Triangle, Marker::Diamond];
+const LEGEND_DOT: f64 = 5.0;
+const LINE_DOT: f64 = 4.6;
+/// Half length of the caps of whiskers, pixels.
+const CAP: f64 = 4.0;
+/// Hatching of marked parts: apart from the grey of the grid, and light when printed.
+const MARKED: Hatch =
+    Hatch { weave: Weave::Falling, stripe: [236, 176, 120], ground: [252, 236, 218], period: 9, width: 2 };
 
 /// How a series is drawn.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -26,17 +24,73 @@ pub enum Style {
     Line,
     /// A dot for each point. For angles, which a line would run across the wrap.
     Dots,
+    /// A line with a marker on each point, of another shape for each series, so that they stay apart in grey.
+    LineAndDots,
+}
+
+/// Points, x and y in the units of the axes, with or without intervals of y.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct Points {
+    at: Vec<(f64, f64)>,
+    /// Of the first points; empty if none has one.
+    intervals: Vec<(f64, f64)>,
+}
+
+impl Points {
+    /// The points.
+    pub fn at(&self) -> &[(f64, f64)] {
+        &self.at
+    }
+
+    /// Lower and upper end of each point's interval of y, which is missing for the last points if there are fewer.
+    pub fn intervals(&self) -> &[(f64, f64)] {
+        &self.intervals
+    }
+}
+
+impl From<Vec<(f64, f64)>> for Points {
+    fn from(at: Vec<(f64, f64)>) -> Self {
+        Self { at, intervals: Vec::new() }
+    }
+}
+
+impl FromIterator<(f64, f64)> for Points {
+    fn from_iter<I: IntoIterator<Item = (f64, f64)>>(points: I) -> Self {
+        Vec::from_iter(points).into()
+    }
 }
 
 /// A series of points.
-#[derive(Debug, Clone, PartialEq)]
+///
+/// ```
+/// use rfhoi::plot::{Series, Style};
+///
+/// let series = Series::new("fusion", vec![(1.0, 71.0), (2.0, 79.0)], Style::LineAndDots)
+///     .with_intervals([(66.5, 75.5), (76.0, 82.0)]);
+/// # assert_eq!(series.points.intervals().len(), 2);
+/// ```
+#[derive(Debug, Clone, PartialEq, Default)]
 pub struct Series {
     /// Name in the legend; series without one are not in it.
     pub name: String,
-    /// The points, x and y in the units of the axes; what lies outside of them is not drawn.
-    pub points: Vec<(f64, f64)>,
+    /// The points; what lies outside of the axes is not drawn.
+    pub points: Points,
     /// How they are drawn.
     pub style: Style,
+}
+
+impl Series {
+    /// A series without intervals.
+    pub fn new(name: impl Into<String>, points: impl Into<Points>, style: Style) -> Self {
+        Self { name: name.into(), points: points.into(), style }
+    }
+
+    /// The series with an interval of y, lower and upper end, for each point: a thin whisker in the series' colour. One
+    /// that has an end that is no number is not drawn.
+    pub fn with_intervals(mut self, intervals: impl IntoIterator<Item = (f64, f64)>) -> Self {
+        self.points.intervals = intervals.into_iter().take(self.points.at.len()).collect();
+        self
+    }
 }
 
 /// Parts of the x axis that are marked, for example where no value is valid.
@@ -63,87 +117,31 @@ pub struct Lines {
     pub marks: Option<Marks>,
 }
 
-/// An entry of the legend.
-struct Entry<'a> {
-    name: &'a str,
-    /// Number of the series, or the marks.
-    series: Option<usize>,
-}
-
 impl Lines {
     pub(super) fn draw(&self, canvas: &mut Canvas, area: Area, sides: Sides) -> Drawn {
         let area = area.inside(if sides.y { MARGIN } else { 0 }, MARGIN, MARGIN, MARGIN / 2);
-        let rows = self.legend_rows(canvas, area.width)?;
-        let title = TITLE_LETTERS as i32 + 8;
-        let legend = rows.len() as i32 * LEGEND_ROW;
-        let frame = Frame::new(canvas, area.inside(0, title + legend + 4, 0, 0), (&self.x, &self.y), sides)?;
-        draw_title(canvas, &self.title, area, frame.plot)?;
-        for (row, entries) in (0..).zip(&rows) {
-            let middle = area.top + title + row * LEGEND_ROW + LEGEND_ROW / 2 - 2;
-            self.draw_legend(canvas, entries, (frame.plot.left, middle))?;
-        }
+        let series =
+            self.series.iter().enumerate().map(|(n, s)| Entry { name: &s.name, sign: sign(n, s.style) });
+        let marked = self.marks.iter().map(|m| Entry { name: &m.label, sign: Sign::Swatch(MARKED, FRAME) });
+        let legend = Legend::new(canvas, series.chain(marked), area.width)?;
+        let frame = Frame::under(canvas, area, &legend, (&self.x, &self.y), sides)?;
+        frame.draw_head(canvas, area, &self.title, &legend)?;
         self.draw_marks(canvas, &frame);
         frame.draw_grid(canvas)?;
         for (number, series) in self.series.iter().enumerate() {
-            let colour = colour::of_series(number);
+            let (colour, points) = (colour::of_series(number), series.points.at());
+            draw_intervals(canvas, &frame, &series.points, colour)?;
+            let marker = Marker::of_series(number);
             match series.style {
-                Style::Line => draw_line(canvas, &frame, &series.points, colour)?,
-                Style::Dots => draw_dots(canvas, &frame, &series.points, marker(number), colour)?,
+                Style::Line => draw_line(canvas, &frame, points, colour)?,
+                Style::Dots => draw_dots(canvas, &frame, points, (marker, false, DOT), colour)?,
+                Style::LineAndDots => {
+                    draw_line(canvas, &frame, points, colour)?;
+                    draw_dots(canvas, &frame, points, (marker, hollow(number), LINE_DOT), colour)?;
+                }
             }
         }
         frame.draw(canvas)
-    }
-
-    /// The legend's entries, in as many rows as they need.
-    fn legend_rows(&self, canvas: &Canvas, width: i32) -> Result<Vec<Vec<Entry<'_>>>, Trouble> {
-        let series = self.series.iter().enumerate();
-        let named =
-            series.filter(|(_, s)| !s.name.is_empty()).map(|(n, s)| Entry { name: &s.name, series: Some(n) });
-        let marked = self.marks.iter().map(|m| Entry { name: &m.label, series: None });
-        let mut rows: Vec<Vec<Entry<'_>>> = Vec::new();
-        // Room for the y axis to the left of the first entry.
-        let room = width - 70;
-        let mut used = room;
-        for entry in named.chain(marked) {
-            let needed = LEGEND_MARK + canvas.text_width(entry.name, TICK_LETTERS)? + LEGEND_GAP;
-            if used + needed > room {
-                rows.push(Vec::new());
-                used = 0;
-            }
-            used += needed;
-            if let Some(row) = rows.last_mut() {
-                row.push(entry);
-            }
-        }
-        Ok(rows)
-    }
-
-    fn draw_legend(
-        &self,
-        canvas: &mut Canvas,
-        entries: &[Entry<'_>],
-        (mut left, middle): (i32, i32),
-    ) -> Drawn {
-        for Entry { name, series } in entries {
-            let (from, row) = (f64::from(left), f64::from(middle));
-            match series {
-                Some(number) => {
-                    let colour = colour::of_series(*number);
-                    match self.series[*number].style {
-                        Style::Line => canvas.line(&[(from, row), (from + 18.0, row)], colour, 2)?,
-                        Style::Dots => canvas.marker(marker(*number), (from + 9.0, row), 5.0, colour)?,
-                    }
-                }
-                None => {
-                    let swatch = Area { left, top: middle - 7, width: 18, height: 14 };
-                    canvas.paint(swatch, marked);
-                    canvas.frame(swatch, FRAME)?;
-                }
-            }
-            canvas.text(name, TICK_LETTERS, (from + f64::from(LEGEND_MARK), row), Anchor::Left, INK)?;
-            left += LEGEND_MARK + canvas.text_width(name, TICK_LETTERS)? + LEGEND_GAP;
-        }
-        Ok(())
     }
 
     fn draw_marks(&self, canvas: &mut Canvas, frame: &Frame) {
@@ -151,30 +149,47 @@ impl Lines {
         let edge = |value: f64| (frame.column(value).round() as i32).clamp(plot.left, plot.right());
         for &(from, to) in self.marks.iter().flat_map(|m| &m.spans) {
             let (left, right) = (edge(from.min(to)), edge(from.max(to)));
-            if right - left < HATCH {
-                canvas.fill(Area { left, width: (right - left).max(1), ..plot }, STRIPE);
+            if right - left < MARKED.period {
+                canvas.fill(Area { left, width: (right - left).max(1), ..plot }, MARKED.stripe);
             } else {
-                canvas.paint(Area { left, width: right - left, ..plot }, marked);
+                canvas.hatch(Area { left, width: right - left, ..plot }, &MARKED);
             }
         }
     }
 }
 
-fn marker(number: usize) -> Marker {
-    MARKERS[number % MARKERS.len()]
+/// Whether the markers on a series' line are hollow: where their shapes begin again.
+fn hollow(number: usize) -> bool {
+    number / Marker::COUNT % 2 == 1
 }
 
-/// Colour of a marked part's pixel.
-fn marked(x: i32, y: i32) -> Rgb {
-    if (x - y).rem_euclid(HATCH) < 2 { STRIPE } else { PALE }
+fn sign(number: usize, style: Style) -> Sign {
+    let (marker, colour) = (Marker::of_series(number), colour::of_series(number));
+    match style {
+        Style::Line => Sign::Line(colour, 2),
+        Style::Dots => Sign::Marker(marker, false, LEGEND_DOT, colour),
+        Style::LineAndDots => Sign::LineAndMarker(marker, hollow(number), LINE_DOT, colour),
+    }
 }
 
-fn draw_dots(canvas: &mut Canvas, frame: &Frame, points: &[Point], marker: Marker, colour: Rgb) -> Drawn {
-    let inside = 0.0..=1.0;
-    for &(x, y) in points {
-        if inside.contains(&frame.x.place(x)) && inside.contains(&frame.y.place(y)) {
-            canvas.marker(marker, (frame.column(x), frame.row(y)), DOT, colour)?;
+fn draw_intervals(canvas: &mut Canvas, frame: &Frame, points: &Points, colour: Rgb) -> Drawn {
+    for (&(x, _), &interval) in points.at.iter().zip(&points.intervals) {
+        if (0.0..=1.0).contains(&frame.x.place(x)) {
+            frame.draw_whisker(canvas, frame.column(x), interval, (CAP, colour))?;
         }
+    }
+    Ok(())
+}
+
+fn draw_dots(
+    canvas: &mut Canvas,
+    frame: &Frame,
+    points: &[Point],
+    (marker, hollow, radius): (Marker, bool, f64),
+    colour: Rgb,
+) -> Drawn {
+    for &(x, y) in points.iter().filter(|p| frame.holds(**p)) {
+        canvas.point(marker, hollow, (frame.column(x), frame.row(y)), radius, colour)?;
     }
     Ok(())
 }
@@ -183,18 +198,11 @@ fn draw_line(canvas: &mut Canvas, frame: &Frame, points: &[Point], colour: Rgb) 
     let known = |n: Option<usize>| n.and_then(|n| points.get(n)).is_some_and(|p| p.1.is_finite());
     let alone = |n: usize| known(Some(n)) && !known(n.checked_sub(1)) && !known(Some(n + 1));
     let dots: Vec<Point> = (0..points.len()).filter(|&n| alone(n)).map(|n| points[n]).collect();
-    draw_dots(canvas, frame, &dots, Marker::Circle, colour)?;
+    draw_dots(canvas, frame, &dots, (Marker::Circle, false, DOT), colour)?;
     for pair in points.windows(2) {
         let places = [pair[0], pair[1]].map(|(x, y)| (frame.x.place(x), frame.y.place(y)));
         if let Some(places) = clipped(places) {
-            let at = |(x, y): Point| {
-                let plot = frame.plot;
-                (
-                    f64::from(plot.left) + x * f64::from(plot.width),
-                    f64::from(plot.bottom()) - y * f64::from(plot.height),
-                )
-            };
-            canvas.line(&[at(places[0]), at(places[1])], colour, 2)?;
+            canvas.line(&places.map(|p| frame.pixel(p)), colour, 2)?;
         }
     }
     Ok(())

@@ -1,3 +1,9 @@
+//! Whole figures: in, panels; out, files that are as they should be. [`results`] has the panels of results, [`vectors`]
+//! SVG files.
+
+mod results;
+mod vectors;
+
 use ndarray::Array2;
 
 use super::*;
@@ -33,7 +39,7 @@ fn saved(figure: &Figure) -> Vec<u8> {
 #[test]
 fn a_picture_has_its_size_and_repeats_byte_for_byte() {
     let values = Array2::from_shape_fn((72, 64), |(r, d)| (r * d) as f32);
-    let dots = Series { name: "tag 1".into(), points: vec![(0.1, 1.0), (0.5, 9.0)], style: Style::Dots };
+    let dots = Series::new("tag 1", vec![(0.1, 1.0), (0.5, 9.0)], Style::Dots);
     let panels = vec![Panel::Heatmap(map(values)), Panel::Lines(lines(vec![dots]))];
     let figure = Figure { title: Some("Frame 7".into()), ..Figure::new(panels) };
     let png = saved(&figure);
@@ -54,11 +60,7 @@ fn what_has_no_extent_is_drawn_all_the_same() {
             y: Axis::new("y", "", f64::INFINITY, 0.0),
             ..map(Array2::from_elem((1, 1), f32::INFINITY))
         }),
-        Panel::Lines(lines(vec![Series {
-            name: String::new(),
-            points: vec![(nothing, 1.0), (0.0, nothing)],
-            style: Style::Line,
-        }])),
+        Panel::Lines(lines(vec![Series::new("", vec![(nothing, 1.0), (0.0, nothing)], Style::Line)])),
         Panel::Lines(Lines { y: Axis::around("y", "", []), ..lines(vec![]) }),
         Panel::Lines(Lines {
             x: Axis::new("t", "s", -1e300, 1e300),
@@ -118,17 +120,30 @@ fn a_logarithmic_axis_has_equal_factors_equally_long_and_round_ticks() {
     };
     assert_eq!(labels(1.0, 256.0, 9), ["1", "2", "5", "10", "20", "50", "100", "200"]);
     assert_eq!(labels(0.1, 1_000.0, 6), ["0.1", "1", "10", "100", "1000"]);
+    assert_eq!(labels(1e3, 1e7, 6), ["1000", "1e4", "1e5", "1e6", "1e7"]);
     assert!(!Axis::logarithmic("", "", 0.0, 5.0).ticks(5).is_empty(), "no logarithm of zero");
+}
+
+#[test]
+fn an_axis_around_values_holds_those_that_it_can() {
+    let axis = Axis::logarithmic_around("", "", [0.2, 30.0, 0.0, -1.0, f64::NAN, f64::INFINITY]);
+    assert!(
+        axis.place(0.2) > 0.0 && axis.place(30.0) < 1.0 && axis.place(0.1) < 0.0 && axis.place(60.0) > 1.0
+    );
+    for values in [vec![], vec![5.0], vec![0.2, 0.2], vec![f64::NAN]] {
+        for axis in [Axis::around("", "", values.clone()), Axis::logarithmic_around("", "", values)] {
+            let axis = axis.sound();
+            assert!(axis.from < axis.to && !axis.ticks(5).is_empty(), "{axis:?}");
+        }
+    }
+    let one = Axis::logarithmic("", "", 0.2, 0.2).sound();
+    assert_eq!((one.from, one.to), (0.1, 0.4));
 }
 
 #[test]
 fn a_point_alone_between_gaps_is_seen() {
     let gap = f64::NAN;
-    let series = |middle: f64| Series {
-        name: String::new(),
-        points: vec![(0.6, gap), (0.7, middle), (0.8, gap)],
-        style: Style::Line,
-    };
+    let series = |middle: f64| Series::new("", vec![(0.6, gap), (0.7, middle), (0.8, gap)], Style::Line);
     let picture = |middle| saved(&Figure::new(vec![Panel::Lines(lines(vec![series(middle)]))]));
     assert_ne!(picture(3.0), picture(gap));
 }

@@ -1,17 +1,16 @@
 //! A view of a scene: polygons, lines and named markers over two axes of the same scale.
 
-use super::axis::{Axis, Frame, Sides, TICK_LETTERS, draw_title, title_room};
+use super::axis::Axis;
 use super::bar::{Bar, ColourScale};
-use super::canvas::{Anchor, Area, Canvas, Drawn, INK, Marker, Point, Rgb};
+use super::canvas::{Anchor, Area, Canvas, Drawn, EDGE, Marker, Point, Rgb, WHITE};
 use super::colour;
+use super::frame::{Frame, Sides, TICK_LETTERS, draw_title, title_room};
 use super::lines::clipped;
 
 /// Height of the letters of names, pixels.
 const NAME_LETTERS: f64 = TICK_LETTERS;
 /// From a marker to its name, pixels, in the order in which places are tried.
 const NAME_AT: [f64; 4] = [12.0, 26.0, 44.0, 66.0];
-/// Width of the pale edge around names, pixels.
-const EDGE: f64 = 2.0;
 /// A name farther than this from its marker is joined to it by a line, pixels.
 const NEAR: f64 = 14.0;
 
@@ -91,7 +90,7 @@ impl View {
         let (x, y) = same_scale(&self.x.sound(), &self.y.sound(), plot);
         let frame = Frame::new(canvas, inner, (&x, &y), sides)?;
         draw_title(canvas, &self.title, area, frame.plot)?;
-        canvas.fill(frame.plot, [255; 3]);
+        canvas.fill(frame.plot, WHITE);
         frame.draw_grid(canvas)?;
         let colour = |paint: Paint| match paint {
             Paint::Grey(level) => [level; 3],
@@ -112,14 +111,14 @@ impl View {
             .shapes
             .iter()
             .filter_map(|shape| match shape {
-                Shape::Mark { at, radius, name, .. } if inside(frame, *at) => {
+                Shape::Mark { at, radius, name, .. } if frame.holds(*at) => {
                     Some(((frame.column(at.0), frame.row(at.1)), *radius, name.as_str()))
                 }
                 _ => None,
             })
             .collect();
         let mut taken: Vec<Area> =
-            marks.iter().map(|&((x, y), r, _)| around((x - r, y - r), (2.0 * r, 2.0 * r))).collect();
+            marks.iter().map(|&((x, y), r, _)| Area::around((x - r, y - r), (2.0 * r, 2.0 * r))).collect();
         for (at, radius, name) in marks.iter().filter(|m| !m.2.is_empty()) {
             let size = (f64::from(canvas.text_width(name, NAME_LETTERS)?) + 2.0 * EDGE, NAME_LETTERS + 2.0);
             let plot = frame.plot.inside(2, 2, 2, 2);
@@ -138,11 +137,11 @@ impl View {
                 .map(|(x, y)| (at.0 + x * (far + radius - 5.0), at.1 + y * (far + radius - 5.0), x < 0.0))
             });
             let area = |&(x, y, left): &(f64, f64, bool)| {
-                around((if left { x - size.0 } else { x }, y - size.1 / 2.0), size)
+                Area::around((if left { x - size.0 } else { x }, y - size.1 / 2.0), size)
             };
             let free = |place: &(f64, f64, bool)| {
                 let area = area(place);
-                contains(plot, area) && !taken.iter().any(|&other| overlap(area, other))
+                plot.contains(area) && !taken.iter().any(|&other| area.overlaps(other))
             };
             // A crowd may leave no room; then the first place is as good as any.
             let all: Vec<_> = places.collect();
@@ -153,12 +152,7 @@ impl View {
             }
             let anchor = if left { Anchor::Right } else { Anchor::Left };
             taken.push(area(place));
-            // A pale edge keeps letters readable on whatever they lie.
-            for n in 0..8 {
-                let (sin, cos) = (f64::from(n) * std::f64::consts::FRAC_PI_4).sin_cos();
-                canvas.text(name, NAME_LETTERS, (x + EDGE * cos, y + EDGE * sin), anchor, [255; 3])?;
-            }
-            canvas.text(name, NAME_LETTERS, (x, y), anchor, INK)?;
+            canvas.label(name, NAME_LETTERS, (x, y), anchor, false)?;
         }
         Ok(())
     }
@@ -179,13 +173,7 @@ fn draw_shape(canvas: &mut Canvas, frame: &Frame, shape: &Shape, colour: impl Fn
     let places = |points: &[Point]| -> Vec<Point> {
         points.iter().map(|&(x, y)| (frame.x.place(x), frame.y.place(y))).collect()
     };
-    let pixel = |(x, y): Point| {
-        let plot = frame.plot;
-        (
-            f64::from(plot.left) + x * f64::from(plot.width),
-            f64::from(plot.bottom()) - y * f64::from(plot.height),
-        )
-    };
+    let pixel = |place: Point| frame.pixel(place);
     match shape {
         Shape::Polygon { corners, paint } => {
             let corners: Vec<Point> = cut(places(corners)).into_iter().map(pixel).collect();
@@ -200,22 +188,17 @@ fn draw_shape(canvas: &mut Canvas, frame: &Frame, shape: &Shape, colour: impl Fn
             Ok(())
         }
         Shape::Mark { at, radius, square, paint, .. } => {
-            if !inside(frame, *at) {
+            if !frame.holds(*at) {
                 return Ok(());
             }
             let (marker, at) = (
                 if *square { Marker::Square } else { Marker::Circle },
                 (frame.column(at.0), frame.row(at.1)),
             );
-            canvas.marker(marker, at, radius + 1.5, [255; 3])?;
+            canvas.marker(marker, at, radius + 1.5, WHITE)?;
             canvas.marker(marker, at, *radius, colour(*paint))
         }
     }
-}
-
-fn inside(frame: &Frame, (x, y): Point) -> bool {
-    let unit = 0.0..=1.0;
-    unit.contains(&frame.x.place(x)) && unit.contains(&frame.y.place(y))
 }
 
 /// The part of a convex polygon in the unit square (I. Sutherland and G. Hodgman, 1974); nothing if a corner is no number.
@@ -241,26 +224,6 @@ fn cut(mut corners: Vec<Point>) -> Vec<Point> {
         corners = kept;
     }
     corners
-}
-
-fn around((left, top): Point, (width, height): Point) -> Area {
-    Area {
-        left: left as i32,
-        top: top as i32,
-        width: width.ceil() as i32 + 1,
-        height: height.ceil() as i32 + 1,
-    }
-}
-
-fn contains(outer: Area, inner: Area) -> bool {
-    inner.left >= outer.left
-        && inner.top >= outer.top
-        && inner.right() <= outer.right()
-        && inner.bottom() <= outer.bottom()
-}
-
-fn overlap(a: Area, b: Area) -> bool {
-    a.left < b.right() && b.left < a.right() && a.top < b.bottom() && b.top < a.bottom()
 }
 
 #[cfg(test)]

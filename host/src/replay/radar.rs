@@ -247,7 +247,7 @@ impl<'f> RadarSeries<'f> {
                 title: "Range of the points that the radar detected".into(),
                 x: self.time_axis(),
                 y: self.range_axis(),
-                series: vec![Series { name: String::new(), points, style: Style::Dots }],
+                series: vec![Series::new("", points, Style::Dots)],
                 marks: None,
             }));
         }
@@ -280,7 +280,7 @@ impl<'f> RadarSeries<'f> {
                     title: "Azimuth of the points that the radar detected".into(),
                     x: self.time_axis(),
                     y: Axis::new("azimuth", "deg", -90.0, 90.0),
-                    series: vec![Series { name: String::new(), points, style: Style::Dots }],
+                    series: vec![Series::new("", points, Style::Dots)],
                     marks: None,
                 })])
             });

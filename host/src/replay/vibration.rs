@@ -199,7 +199,7 @@ impl Vibration {
     }
 
     fn picture(&self) -> Figure {
-        let line = |points: Vec<(f64, f64)>| Series { name: String::new(), points, style: Style::Line };
+        let line = |points: Vec<(f64, f64)>| Series::new("", points, Style::Line);
         let time: Vec<_> =
             self.displacement_um.iter().enumerate().map(|(i, &d)| (i as f64 / self.rate_hz, d)).collect();
         let lines: Vec<_> = (self.spectrum_um.iter().enumerate().skip(1))

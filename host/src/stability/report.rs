@@ -209,7 +209,7 @@ fn picture(result: &CaseResult) -> Figure {
         errors.push(series("Cramer-Rao bound", guarded, &|p| p.bound.unwrap_or(f64::NAN)));
     }
     let shown: Vec<f64> =
-        errors.iter().flat_map(|s| s.points.iter().map(|p| p.1)).filter(|v| v.is_finite()).collect();
+        errors.iter().flat_map(|s| s.points.at().iter().map(|p| p.1)).filter(|v| v.is_finite()).collect();
     let share = |count: u32, p: &Point| f64::from(count) / f64::from(p.trials.max(1)) * 100.0;
     let verdicts = vec![
         series("silently wrong, without guard", plain, &|p| share(p.silent, p)),
