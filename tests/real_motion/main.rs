@@ -160,6 +160,8 @@ impl Stage {
             offsets: &[],
             manner,
             within_reach: &[],
+            covers_db: 0.0,
+            behind_m: None,
             stay: None,
         };
         let performance = Generated::new(&brief, rng).unwrap();

@@ -61,8 +61,7 @@ pub fn measure(
     let domain = Domain::Train;
     let categories = &crate::hoi::CATEGORIES;
     // Places of `site`, as the rooms' effects are about them.
-    let wanted =
-        Wanted { domain: Domain::Site, seed, samples, categories, nothing: 0.0, expand: false, setups: None };
+    let wanted = Wanted { samples, ..Wanted::one(Domain::Site, seed, categories) };
     let draws = draw(&wanted, scenes);
     let base = Effects::of(domain);
     let mut rows = Vec::new();

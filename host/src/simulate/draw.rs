@@ -9,6 +9,7 @@ use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use serde::Serialize;
 
+use super::circumstance::Circumstance;
 use super::effects::Domain;
 use super::scene::{Place, SAMPLE_TAGS, Scene};
 use crate::hoi::{CATEGORIES, Category, Object};
@@ -49,13 +50,24 @@ pub struct Wanted<'a> {
     /// Setups among which all samples of `site` are spread: a room, a person, a place and a direction to look in each. The
     /// paper has 78 (section 5.1). `None` draws all of that anew for each sample.
     pub setups: Option<u32>,
+    /// What makes it harder, if anything.
+    pub circumstance: Option<Circumstance>,
 }
 
 impl<'a> Wanted<'a> {
     /// One sample of these categories, or of nothing where there are none.
     pub fn one(domain: Domain, seed: u64, categories: &'a [Category]) -> Self {
         let nothing = if categories.is_empty() { 1.0 } else { 0.0 };
-        Self { domain, seed, samples: 1, categories, nothing, expand: false, setups: None }
+        Self {
+            domain,
+            seed,
+            samples: 1,
+            categories,
+            nothing,
+            expand: false,
+            setups: None,
+            circumstance: None,
+        }
     }
 }
 
@@ -90,6 +102,9 @@ pub struct Draw {
     /// Whether it is one of several performances between which things stay where they are.
     #[serde(skip)]
     pub stays: bool,
+    /// What makes it harder; the manifest says it of all samples at once.
+    #[serde(skip)]
+    pub circumstance: Option<Circumstance>,
     #[serde(skip)]
     place: Vec2,
 }
@@ -113,6 +128,8 @@ pub enum Purpose {
     Rooms,
     /// Where things are during several performances.
     Stay,
+    /// What a circumstance adds.
+    Circumstance,
 }
 
 /// Who stands where.
@@ -273,16 +290,21 @@ fn one(
         facing_deg: place.facing_rad.to_degrees(),
         within_reach: Vec::new(),
         stays: false,
+        circumstance: wanted.circumstance,
         place: place.position,
     };
     draw.move_to(place.position, &scenes[draw.scene]);
-    // As many where nothing is done as where something is: what lies ready does not tell which.
+    // Where nothing is done up to as many: what lies ready does not tell which.
     let targets = usize::from(performed.is_some());
     let others = rng.random_range(targets..=MOST_WITHIN_REACH) - targets;
     draw.within_reach = draw.performed_objects();
     draw.within_reach.retain(|object| performed.is_none_or(|performed| performed.object != *object));
     draw.within_reach.shuffle(rng);
     draw.within_reach.truncate(others);
+    if wanted.circumstance == Some(Circumstance::Body) {
+        // What is carried lies behind the person, where a chair would stand in its way.
+        draw.within_reach.retain(|object| !object.is_carried() && *object != Object::Chair);
+    }
     draw
 }
 
@@ -355,6 +377,7 @@ mod tests {
             nothing: 0.0,
             expand: false,
             setups: None,
+            circumstance: None,
         }
     }
 
@@ -394,6 +417,24 @@ mod tests {
         let nothing = draws.iter().filter(|d| d.label.is_none());
         assert_eq!(nothing.clone().count(), 34);
         assert!(nothing.clone().all(|d| d.target.is_none() && d.objects.len() == SAMPLE_TAGS));
+    }
+
+    #[test]
+    fn what_is_within_reach_does_not_tell_whether_something_is_done() {
+        let draws = draw(&Wanted { nothing: 0.5, ..wanted(Domain::Site) }, &scenes());
+        let mean = |done: bool| {
+            let counts = draws.iter().filter(|d| d.label.is_some() == done);
+            let counts = counts.map(|d| d.within_reach.len() + usize::from(done)).collect::<Vec<_>>();
+            counts.iter().sum::<usize>() as f64 / counts.len() as f64
+        };
+        // 1 to 3 where something is done, its object among them; 0 to 3 else.
+        assert!((1.8..2.2).contains(&mean(true)) && (1.3..1.7).contains(&mean(false)));
+        for d in &draws {
+            let reach: BTreeSet<_> = d.within_reach.iter().collect();
+            assert!(reach.len() == d.within_reach.len() && reach.iter().all(|o| d.objects.contains(o)));
+            assert!(d.label.is_none_or(|label| !reach.contains(&label.object)));
+        }
+        assert!(draws.iter().any(|d| d.label.is_none() && d.within_reach.contains(&Object::Chair)));
     }
 
     #[test]

@@ -16,12 +16,14 @@
 //! Room coordinates are right-handed: x to the right and y into the room as seen from the radar's wall, z up from the
 //! floor; metres, seconds, radians. A time of 0 s is the beginning of the sample.
 //!
-//! What is computed beyond the direct paths is a matter of [`effects`], each a switch. A [`sample`] is one performance as
+//! What is computed beyond the direct paths is a matter of [`effects`], each a switch. What makes it harder for people and
+//! networks alike, fingers on a tag or a second person, is a [`circumstance`], one at most. A [`sample`] is one performance as
 //! both see it; [`draw`] says what it is about, [`set`] writes many, [`recording`] writes one, or
 //! several as one [`session`], at the level of the wire.
 //! [`picture`] draws a sample for people to see what it is of, [`portrait`] has one sit for it.
 
 pub mod body;
+pub mod circumstance;
 pub mod cost;
 pub mod draw;
 pub mod effects;

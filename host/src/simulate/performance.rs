@@ -44,6 +44,12 @@ pub trait Performance: Send + Sync {
         self.tag(tag, time_s)
     }
 
+    /// How much fingers weaken tag number `tag` at `time_s`, there and back, dB, besides what is in its way
+    /// ([`Circumstance::Hand`](super::circumstance::Circumstance::Hand)).
+    fn covered_db(&self, _tag: usize, _time_s: f64) -> f32 {
+        0.0
+    }
+
     /// Writes what stands in the way of tags at `time_s` to `blockers`, which is cleared first: the body, limb by limb, and
     /// the hands.
     fn blockers(&self, time_s: f64, blockers: &mut Vec<Capsule>);

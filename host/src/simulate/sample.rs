@@ -3,11 +3,14 @@
 use std::ops::Range;
 
 use glam::Vec3;
+use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
+use rfhoi_shared::config::RadarConfig;
 use rfhoi_shared::radar::RadarProfile;
 use rfhoi_shared::tag::{Epc, TagRead};
 use rfhoi_shared::units::{BridgeTime, Kilohertz};
 
+use super::circumstance::{self, Circumstance};
 use super::draw::{Draw, Purpose, stream};
 use super::effects::{Domain, Effects};
 use super::perform::{Brief, BriefError, Generated, Manner};
@@ -106,10 +109,10 @@ pub fn tag_on(scene: &Scene, object: Object) -> Result<Tag, SampleError> {
     tag.ok_or_else(|| SampleError::NoTag { scene: scene.name.clone(), object })
 }
 
-/// The performance of a draw, and its tags.
+/// The performance of a draw, under its circumstance, and its tags.
 ///
 /// # Errors
-/// If the scene lacks a tag, or nobody can do that.
+/// If the scene lacks a tag, nobody can do that, or there is no room for a second person.
 pub fn perform(
     domain: Domain,
     seed: u64,
@@ -118,21 +121,35 @@ pub fn perform(
 ) -> Result<(Generated, Vec<Tag>), SampleError> {
     let tags: Vec<Tag> = draw.objects.iter().map(|&o| tag_on(scene, o)).collect::<Result<_, _>>()?;
     let offsets: Vec<Vec3> = tags.iter().map(|tag| tag.offset).collect();
-    let person = &scene.people[draw.person];
+    let (person, place, under) = (&scene.people[draw.person], draw.place(), draw.circumstance);
+    let manner = domain.manner();
+    let added = |sample: u32| stream(domain, seed, sample, Purpose::Circumstance);
+    let covers_db = match under {
+        Some(Circumstance::Hand) => circumstance::covered_db(&mut added(draw.sample)),
+        _ => 0.0,
+    };
     let brief = Brief {
         person,
-        place: draw.place(),
+        place,
         radar: scene.radar.position,
         label: draw.performed,
         objects: &draw.performed_objects(),
         within_reach: &draw.within_reach,
         offsets: &offsets,
-        manner: person.manner.unwrap_or(domain.manner()),
+        manner: person.manner.unwrap_or(manner),
+        covers_db,
+        behind_m: (under == Some(Circumstance::Body)).then(|| circumstance::behind_m(scene, &place)),
         stay: draw.stays.then(|| stream(domain, seed, 0, Purpose::Stay)),
     };
     let mut rng = stream(domain, seed, draw.sample, Purpose::Motion);
-    let generated = Generated::new(&brief, &mut rng)
-        .map_err(|source| SampleError::Perform { sample: draw.sample, source })?;
+    let failed = |source| SampleError::Perform { sample: draw.sample, source };
+    let mut generated = Generated::new(&brief, &mut rng).map_err(failed)?;
+    if under == Some(Circumstance::SecondPerson) {
+        // Through several performances they stay where they are.
+        let who = &mut added(if draw.stays { 0 } else { draw.sample });
+        let what = &mut ChaCha8Rng::from_rng(&mut added(draw.sample));
+        generated = generated.accompanied(scene, (draw.person, &place), manner, who, what).map_err(failed)?;
+    }
     Ok((generated, tags))
 }
 
@@ -210,37 +227,50 @@ impl<'a> Maker<'a> {
         Ok(Self { domain, seed, effects, scenes, radars })
     }
 
+    /// What the radar of scene number `scene` is configured for.
+    pub fn radar(&self, scene: usize) -> &RadarConfig {
+        self.radars[scene].config()
+    }
+
     /// Makes the sample of a draw.
     ///
     /// # Errors
     /// As [`perform`].
     pub fn make(&mut self, draw: &Draw) -> Result<Sample, SampleError> {
-        let Self { domain, seed, effects, .. } = *self;
-        let scene = &self.scenes[draw.scene];
+        let Self { domain, seed, effects, scenes, .. } = *self;
+        let scene = &scenes[draw.scene];
         let (performance, tags) = perform(domain, seed, draw, scene)?;
+        let interaction_s = draw.performed.map_or(0.0..0.0, |_| performance.interaction_s());
+        Ok(self.measure(draw, &Take::of(scene, &performance, &tags, effects), interaction_s))
+    }
+
+    /// What both radios measure of `take`, which is in the draw's scene and has this maker's effects: noise and the reader's
+    /// session are those of the draw, whatever is performed.
+    pub fn measure(&mut self, draw: &Draw, take: &Take<'_>, interaction_s: Range<f64>) -> Sample {
+        let Self { domain, seed, .. } = *self;
+        let (performance, tags) = (take.performance, take.tags);
         let radar = &mut self.radars[draw.scene];
-        let take = Take::of(scene, &performance, &tags, effects);
         radar.begin(take.fixtures, &mut stream(domain, seed, draw.sample, Purpose::Radar));
         let times = take.frame_times(&radar.config().profile);
         let (mut frames, mut tags_m) =
             (Vec::with_capacity(times.len()), Vec::with_capacity(times.len() * tags.len()));
         for time_s in times {
-            radar.look(&performance, time_s);
+            radar.look(performance, time_s);
             frames.push(radar.maps());
             tags_m.extend((0..tags.len()).map(|tag| performance.tag(tag, time_s)));
         }
         let (reads, channels) = take.reads(&mut stream(domain, seed, draw.sample, Purpose::Rfid));
         let config = radar.config();
-        Ok(Sample {
+        Sample {
             duration_s: performance.duration_s(),
-            interaction_s: draw.performed.map_or(0.0..0.0, |_| performance.interaction_s()),
+            interaction_s,
             frames,
             reads,
-            epcs: tags.into_iter().map(|tag| tag.epc).collect(),
+            epcs: tags.iter().map(|tag| tag.epc.clone()).collect(),
             loops: config.profile.loops.into(),
             columns: config.processing.range_time_columns.into(),
             channels,
             tags_m,
-        })
+        }
     }
 }

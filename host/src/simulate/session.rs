@@ -132,6 +132,11 @@ impl Performance for Session<'_> {
         self.takes[take].performance.proxy(tag, time_s)
     }
 
+    fn covered_db(&self, tag: usize, time_s: f64) -> f32 {
+        let (take, time_s) = self.at(time_s);
+        self.takes[take].performance.covered_db(tag, time_s)
+    }
+
     fn blockers(&self, time_s: f64, blockers: &mut Vec<Capsule>) {
         let (take, time_s) = self.at(time_s);
         self.takes[take].performance.blockers(time_s, blockers);

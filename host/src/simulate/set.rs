@@ -49,6 +49,8 @@ use crate::npz::{Npz, NpzError};
 pub const MANIFEST: &str = "manifest.json";
 /// Of the layout of manifest and shards.
 pub const VERSION: u32 = 1;
+/// Key of the manifest for what makes it harder ([`Circumstance`](super::circumstance::Circumstance)), where something does.
+const CIRCUMSTANCE: &str = "circumstance";
 /// Samples of a shard.
 pub const SHARD_SAMPLES: u32 = 32;
 
@@ -279,6 +281,9 @@ fn manifest(options: &Options<'_>, draws: &[Draw]) -> Value {
     if let Some(setups) = wanted.setups {
         manifest["setups"] = setups.into();
     }
+    if let Some(circumstance) = wanted.circumstance {
+        manifest[CIRCUMSTANCE] = json!(circumstance);
+    }
     manifest
 }
 
@@ -289,12 +294,13 @@ fn compare(folder: &Path, path: &Path, wanted: &Value) -> Result<(), SetError> {
         std::fs::read(path).ok().and_then(|b| serde_json::from_slice(&b).ok()).ok_or_else(no_manifest)?;
     // Numbers are compared as they are written.
     let wanted: Value = serde_json::from_slice(&text(wanted)).map_err(|_| no_manifest())?;
-    let keys = wanted.as_object().ok_or_else(no_manifest)?.keys();
-    let differs = keys.filter(|k| *k != "complete").find(|k| there.get(k) != wanted.get(k));
-    match differs {
+    let keys = wanted.as_object().ok_or_else(no_manifest)?.keys().map(String::as_str);
+    // The samples that are drawn do not tell it.
+    let keys = keys.chain([CIRCUMSTANCE]).filter(|k| *k != "complete");
+    match keys.into_iter().find(|k| there.get(k) != wanted.get(k)) {
         None => Ok(()),
         Some(key) => {
-            let (key, there, wanted) = first_difference(key.clone(), there.get(key), wanted.get(key));
+            let (key, there, wanted) = first_difference(key.to_owned(), there.get(key), wanted.get(key));
             Err(SetError::Other { folder: folder.to_path_buf(), key, there, wanted })
         }
     }

@@ -127,6 +127,16 @@ impl Stage {
         stage
     }
 
+    /// Number of vertices, the body's first.
+    pub(crate) fn vertex_count(&self) -> usize {
+        self.body_vertices() + self.thing.len()
+    }
+
+    /// Number of the body's vertices.
+    pub(crate) fn body_vertices(&self) -> usize {
+        self.body.vertex_count()
+    }
+
     /// Where joint `joint` is at `time_s`.
     pub(crate) fn joint(&self, joint: Joint, time_s: f64) -> Vec3 {
         let (first, weights) = self.weights(time_s);
@@ -171,10 +181,16 @@ pub(crate) fn catmull_rom(u: f32) -> [f32; 4] {
     [outer(u, v), inner(u), inner(v), outer(v, u)]
 }
 
-/// What has a [`Stage`] is a [`Performance`].
+/// What is no more than a [`Stage`] is a [`Performance`].
 pub(crate) trait Staged: Send + Sync {
     /// The stage.
     fn stage(&self) -> &Stage;
+}
+
+impl Staged for Stage {
+    fn stage(&self) -> &Stage {
+        self
+    }
 }
 
 impl<T: Staged> Performance for T {

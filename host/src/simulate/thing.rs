@@ -206,6 +206,12 @@ pub(super) fn table(height: f32) -> Thing {
     }
 }
 
+/// A board, its upper side at this height, its middle at x, y = 0.
+pub(super) fn board(width: f32, depth: f32, height: f32) -> Solid {
+    const THICKNESS: f32 = 0.025;
+    block(0.0, 0.0, height - THICKNESS, Vec3::new(width, depth, THICKNESS), material::WOOD)
+}
+
 /// A chair whose sitter looks along y; its tag is on the seat, near the front edge.
 fn chair() -> Thing {
     const SEAT: f32 = 0.03;

@@ -3,10 +3,11 @@ use std::time::SystemTime;
 use rfhoi_network::sample::{READ_CHANNELS, SCALARS, read, scalar};
 
 use super::*;
-use crate::features::AngleMap;
+use crate::features::{AngleMap, of_sample};
 use crate::hoi::{Action, CATEGORIES, Object};
 use crate::simulate::draw::{Wanted, draw};
 use crate::simulate::effects::Effects;
+use crate::simulate::sample::{Maker, epoch};
 use crate::simulate::scene::Scene;
 use crate::simulate::set as simulated;
 
@@ -34,6 +35,7 @@ fn make(folder: &Path, domain: Domain, samples: u32, go_on: bool) -> Vec<crate::
         nothing: 0.1,
         expand: false,
         setups: None,
+        circumstance: None,
     };
     let options = simulated::Options { wanted, effects: Effects::of(domain), scenes: &scenes, workers: 2 };
     let made = simulated::write(folder, &options, &mut |_| go_on);
@@ -91,6 +93,22 @@ fn samples_are_what_was_drawn_and_measured() {
     let moving = share(&|frame| frame.scalars[scalar::VALID + 1] == 1.0 && frame.maps.contains(&255));
     let seen = share(&|frame| frame.reads.iter().skip(read::READS).step_by(READ_CHANNELS).all(|x| *x > 0.0));
     assert!(moving > 0.3 && seen > 0.7, "{moving} {seen}");
+}
+
+#[test]
+fn a_sample_in_memory_has_the_same_features() {
+    let folder = tempfile::tempdir().unwrap();
+    let draws = make(folder.path(), Domain::Site, 2, true);
+    let set = load(folder.path(), &options(SETTINGS), &mut |_| true).unwrap();
+    let scenes = [Scene::named("open-room").unwrap().with_profile(&profile()).unwrap()];
+    let effects = Effects::of(Domain::Site);
+    let mut maker = Maker::new(Domain::Site, set.seed, effects, &scenes).unwrap();
+    let stream = SETTINGS.stream(maker.radar(0)).unwrap();
+    for (draw, sample) in draws.iter().zip(&set.samples) {
+        let measured = maker.make(draw).unwrap();
+        let frames = of_sample(&measured, epoch(&effects), &stream, &SETTINGS).unwrap();
+        assert!(frames == sample.frames, "sample {}", draw.sample);
+    }
 }
 
 #[test]

@@ -6,6 +6,8 @@
 //! lie are drawn anew each time; the same seed gives the same.
 
 mod actions;
+mod beside;
+mod company;
 mod idle;
 mod manner;
 mod planner;
@@ -20,17 +22,20 @@ use std::ops::{Range, RangeInclusive};
 
 use glam::{Quat, Vec3};
 use rand::RngExt;
+use rand::seq::IndexedRandom;
 use rand_chacha::ChaCha8Rng;
 
+use self::company::Company;
 pub use self::manner::Manner;
 use self::planner::Planner;
 use self::workplace::Workplace;
-use super::Surface;
+pub(in crate::simulate) use self::workplace::{TABLE_EDGES_M, TABLE_TOPS_M};
 use super::body::{Body, Joints, Side};
-use super::scene::{Person, Place};
+use super::scene::{Person, Place, Scene};
 use super::shape::Solid;
-use super::stage::{Instant, Mount, Moved, Pose, Stage, Staged};
+use super::stage::{Instant, Mount, Moved, Pose, Stage};
 use super::thing::Thing;
+use super::{Capsule, Performance, Surface};
 use crate::hoi::{CATEGORIES, Category, Object, UNSEEN};
 
 /// Shortest sample, s: the paper's.
@@ -59,6 +64,11 @@ pub struct Brief<'a> {
     pub offsets: &'a [Vec3],
     /// How they move.
     pub manner: Manner,
+    /// How much the hand that acts weakens the tag of what it holds, there and back, dB; 0 where no finger is on the tag.
+    pub covers_db: f32,
+    /// How far behind the person the things lie that are carried and neither acted on nor within reach, m, to their middles; on
+    /// the table in front where that is not given. At least 1 cm wide.
+    pub behind_m: Option<Range<f32>>,
     /// What the places of things and the hand that acts are drawn from where it shares them with the performances before and
     /// after it; otherwise they are its own.
     pub stay: Option<ChaCha8Rng>,
@@ -86,6 +96,11 @@ pub enum BriefError {
         /// Their build.
         build: f32,
     },
+    /// A second person has no place.
+    #[error(
+        "there is no room for a second person 1 to 2 m from the first, and as far from the radar as people stand: take another place or a larger room"
+    )]
+    NoRoom,
 }
 
 /// A simulated sample.
@@ -97,6 +112,18 @@ pub struct Generated {
     interaction_s: Range<f64>,
     contact: Option<(f64, Vec3)>,
     fixtures: (Surface, Vec<Vec3>),
+    covered: Option<Covered>,
+    company: Option<Box<Company>>,
+}
+
+/// A tag that fingers are on.
+#[derive(Debug, Clone)]
+struct Covered {
+    tag: usize,
+    /// When, s.
+    when_s: Range<f64>,
+    /// What they take there and back, dB.
+    db: f32,
 }
 
 impl Generated {
@@ -136,6 +163,9 @@ impl Generated {
         let (duration_s, script, contact) = (planner.now_s, planner.script, planner.contact);
 
         let moving = target.filter(|_| script.held.is_some());
+        let held_s = script.holds_s(contact.map(|(time_s, _)| time_s));
+        let covered = moving.zip(held_s).filter(|_| brief.covers_db > 0.0);
+        let covered = covered.map(|(tag, when_s)| Covered { tag, when_s, db: brief.covers_db });
         let to_room = in_room(&brief.place, brief.radar);
         let tag = |(i, (thing, pose)): (usize, &(Thing, Pose))| {
             let place = thing.tag + brief.offsets.get(i).copied().unwrap_or_default();
@@ -157,7 +187,38 @@ impl Generated {
         });
         let fixtures = (fixtures.surface, fixtures.vertices.iter().map(|&v| to_room.point(v)).collect());
         let contact = contact.map(|(time_s, place)| (time_s, to_room.point(place)));
-        Ok(Self { stage, side, target, interaction_s: begin_s..end_s, contact, fixtures })
+        let interaction_s = begin_s..end_s;
+        Ok(Self { stage, side, target, interaction_s, contact, fixtures, covered, company: None })
+    }
+
+    /// The same with a second person beside the one who acts at `place`, who is number `person` of `scene`; they move in
+    /// `manner` where the scene says nothing else. Who and where they are is drawn from `who`, what they do from `what`.
+    ///
+    /// # Errors
+    /// [`BriefError::NoRoom`], or if the scene's other people are of no size that can be simulated.
+    pub fn accompanied(
+        mut self,
+        scene: &Scene,
+        (person, place): (usize, &Place),
+        manner: Manner,
+        who: &mut ChaCha8Rng,
+        what: &mut ChaCha8Rng,
+    ) -> Result<Self, BriefError> {
+        let (_, fixtures) = self.fixtures();
+        let place = beside::place(scene, place, fixtures, who).ok_or(BriefError::NoRoom)?;
+        let others: Vec<&Person> =
+            scene.people.iter().enumerate().filter(|(n, _)| *n != person).map(|(_, p)| p).collect();
+        // Where a scene knows one person only, the second is as tall.
+        let other = others.choose(who).copied().or(scene.people.get(person)).ok_or(BriefError::NoRoom)?;
+        let manner = other.manner.unwrap_or(manner);
+        let company = Company::new(&self.stage, other, manner, (place, scene.radar.position), what)?;
+        self.company = Some(Box::new(company));
+        Ok(self)
+    }
+
+    /// Where the second person stands and looks, if there is one.
+    pub fn beside(&self) -> Option<Place> {
+        self.company.as_ref().map(|company| company.place())
     }
 
     /// Where the hand that acts is at `time_s`, m: the paper's stand-in for the object.
@@ -197,9 +258,45 @@ impl Generated {
     }
 }
 
-impl Staged for Generated {
-    fn stage(&self) -> &Stage {
-        &self.stage
+/// Of one person, or of two: vertices and blockers of the first, then of the second; all tags are the first's.
+impl Performance for Generated {
+    fn duration_s(&self) -> f64 {
+        self.stage.duration_s()
+    }
+
+    fn surface(&self) -> &Surface {
+        self.company.as_ref().map_or(self.stage.surface(), |company| company.surface())
+    }
+
+    fn vertices(&self, time_s: f64, vertices: &mut Vec<Vec3>) {
+        self.stage.vertices(time_s, vertices);
+        if let Some(company) = &self.company {
+            vertices.extend(company.vertices(time_s));
+        }
+    }
+
+    fn tags(&self) -> usize {
+        self.stage.tags()
+    }
+
+    fn tag(&self, tag: usize, time_s: f64) -> Vec3 {
+        self.stage.tag(tag, time_s)
+    }
+
+    fn proxy(&self, tag: usize, time_s: f64) -> Vec3 {
+        self.stage.proxy(tag, time_s)
+    }
+
+    fn covered_db(&self, tag: usize, time_s: f64) -> f32 {
+        let covered = self.covered.as_ref().filter(|c| c.tag == tag && c.when_s.contains(&time_s));
+        covered.map_or(0.0, |covered| covered.db)
+    }
+
+    fn blockers(&self, time_s: f64, blockers: &mut Vec<Capsule>) {
+        self.stage.blockers(time_s, blockers);
+        if let Some(company) = &self.company {
+            blockers.extend(company.blockers(time_s));
+        }
     }
 }
 

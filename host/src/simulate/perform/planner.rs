@@ -218,7 +218,8 @@ impl<'a> Planner<'a> {
         let hand = &mut self.script.hands[side.index()];
         hand.back_s = self.now_s;
         // Nobody sees where a hand would be if it were free, while it touches.
-        let unseen = Timing { onset_s: self.now_s - GRASP_S, length_s: GRASP_S, law: Law::MinimumJerk { skew: 1.0 } };
+        let unseen =
+            Timing { onset_s: self.now_s - GRASP_S, length_s: GRASP_S, law: Law::MinimumJerk { skew: 1.0 } };
         hand.free.go_to(offset, unseen);
         let touched = hand.touch.goal();
         let lean = Lean { flexion: posture.flexion, twist: posture.twist, hips: posture.hips };

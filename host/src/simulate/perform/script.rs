@@ -92,6 +92,15 @@ impl Script {
         }
     }
 
+    /// When the hand that acts holds the thing, s, if it does: it carries it, or touches it from `contact_s` on until it goes
+    /// back.
+    pub(super) fn holds_s(&self, contact_s: Option<f64>) -> Option<Range<f64>> {
+        match &self.held.as_ref()?.moves {
+            Moves::Carried { grasp, .. } => Some(grasp.taken_s..grasp.left_s + GRASP_S),
+            Moves::Hinged { .. } => Some(contact_s?..self.hands[self.side.index()].back_s),
+        }
+    }
+
     /// All at `time_s`, in the person's axes.
     pub(super) fn at(&self, time_s: f64) -> Instant {
         let posture = self.posture(time_s);

@@ -48,6 +48,8 @@ fn sample(label: Option<Category>, manner: Manner, seed: u64) -> Generated {
         objects: &objects,
         within_reach: &[],
         manner,
+        covers_db: 0.0,
+        behind_m: None,
         stay: None,
     };
     Generated::new(&brief, &mut ChaCha8Rng::seed_from_u64(seed)).unwrap()
@@ -329,6 +331,8 @@ fn impossible_briefs_are_refused() {
             objects,
             within_reach: &[],
             manner: Manner::MinimumJerk,
+            covers_db: 0.0,
+            behind_m: None,
             stay: None,
         };
         Generated::new(&brief, &mut ChaCha8Rng::seed_from_u64(0)).unwrap_err()

@@ -1,6 +1,9 @@
-//! Where things are around a person: on a table in front of them, a cabinet above it, a chair behind or beside them.
+//! Where things are around a person: on a table in front of them, a cabinet above it, a chair behind or beside them; where the
+//! brief says so, also on a board behind them.
 //!
 //! Person's axes: x to the right, y forward, z up, from the floor where they stand.
+
+use std::ops::Range;
 
 use glam::{Quat, Vec3};
 use rand::RngExt;
@@ -11,7 +14,7 @@ use crate::hoi::Object;
 use crate::simulate::body::{Lengths, Side};
 use crate::simulate::shape::Solid;
 use crate::simulate::stage::Pose;
-use crate::simulate::thing::{SEAT_HALF, TABLE_DEPTH, TABLE_WIDTH, Thing, table};
+use crate::simulate::thing::{SEAT_HALF, TABLE_DEPTH, TABLE_WIDTH, Thing, board, table};
 
 /// Things and where they are.
 pub(super) struct Workplace {
@@ -19,12 +22,25 @@ pub(super) struct Workplace {
     pub(super) things: Vec<(Thing, Pose)>,
     /// A table that is none of the objects.
     table: Option<(Thing, Pose)>,
+    /// A board behind the person.
+    board: Option<(Solid, Pose)>,
     /// Middle of the free surface in front of the person, m.
     pub(super) surface: Vec3,
 }
 
 /// How far behind the ankles hips are when they sit, as a share of the height: what the thighs leave with shins upright.
 pub(super) const SEATED_BACK: f32 = 0.215;
+
+/// Heights of tables, and how far before the middle of a person they begin, m.
+pub(in crate::simulate) const TABLE_TOPS_M: Range<f32> = 0.72..0.76;
+pub(in crate::simulate) const TABLE_EDGES_M: Range<f32> = 0.22..0.30;
+/// From the middle of a person to their back, m.
+const BACK: f32 = 0.13;
+/// What lies behind a person is so far aside at most, m: hidden by them from one who stands before them.
+const BEHIND_ASIDE: f32 = 0.25;
+/// Half the width of the board that it lies on, and how much deeper that is than where middles of things may be, m.
+const BOARD_HALF: f32 = 0.4;
+const BOARD_RIM: f32 = 0.1;
 
 fn upright(at: Vec3, yaw: f32) -> Pose {
     Pose { at, turn: Quat::from_rotation_z(yaw) }
@@ -34,13 +50,15 @@ impl Workplace {
     /// Lays out the brief's objects for a person who acts with the hand of `side`, as they are before its label is done.
     pub(super) fn new(brief: &Brief<'_>, lengths: &Lengths, side: Side, rng: &mut ChaCha8Rng) -> Self {
         let Brief { objects, within_reach, label, .. } = *brief;
-        let height = rng.random_range(0.72..0.76);
-        let near = rng.random_range(0.22..0.30);
+        let height = rng.random_range(TABLE_TOPS_M);
+        let near = rng.random_range(TABLE_EDGES_M);
         let surface = Vec3::new(0.0, near + 0.5 * TABLE_DEPTH, height);
         let is_target = |object: Object| {
             objects.contains(&object)
                 && (label.is_some_and(|label| label.object == object) || within_reach.contains(&object))
         };
+        // Who sits down has their things behind the chair's back, not where they will sit.
+        let seat = if is_target(Object::Chair) { SEATED_BACK * lengths.height } else { 0.0 };
         let mut taken: Vec<(Vec3, f32)> = Vec::new();
         if is_target(Object::Microwave) {
             // Its door needs room.
@@ -97,6 +115,11 @@ impl Workplace {
                             let aside = rng.random_range(-0.08..0.36) * side.sign();
                             return Vec3::new(aside, near + rng.random_range(0.12..0.34), height);
                         }
+                        if let Some(range) = &brief.behind_m {
+                            let nearest = (BACK + thing.radius).clamp(range.start, range.end - 0.01);
+                            let back = seat + rng.random_range(nearest..range.end);
+                            return Vec3::new(rng.random_range(-BEHIND_ASIDE..BEHIND_ASIDE), -back, height);
+                        }
                         let half = Vec3::new(0.5 * TABLE_WIDTH - 0.1, 0.5 * TABLE_DEPTH - 0.1, 0.0);
                         let share = Vec3::new(rng.random_range(-1.0..1.0), rng.random_range(-1.0..1.0), 0.0);
                         surface + half * share
@@ -110,7 +133,14 @@ impl Workplace {
         let lies_on = |o: &Object| o.is_carried() || *o == Object::Microwave;
         let needs_table = objects.iter().any(lies_on) && !objects.contains(&Object::Table);
         let table = needs_table.then(|| (table(height), upright(surface.with_z(0.0), 0.0)));
-        Self { things: things.into_iter().flatten().collect(), table, surface }
+        let is_behind = |object: &Object| object.is_carried() && !is_target(*object);
+        let behind = brief.behind_m.as_ref().filter(|_| objects.iter().any(is_behind));
+        let board = behind.map(|range| {
+            let (from, to) = (BACK, range.end + BOARD_RIM);
+            let at = Vec3::NEG_Y * (seat + 0.5 * (from + to));
+            (board(2.0 * BOARD_HALF, to - from, height), upright(at, 0.0))
+        });
+        Self { things: things.into_iter().flatten().collect(), table, board, surface }
     }
 
     /// All that stays where it is while `moving` moves.
@@ -124,6 +154,9 @@ impl Workplace {
         }
         if let Some((table, pose)) = &self.table {
             fixtures.add(&table.still, |v| pose.point(v));
+        }
+        if let Some((board, pose)) = &self.board {
+            fixtures.add(board, |v| pose.point(v));
         }
         fixtures
     }

@@ -73,6 +73,8 @@ mod tests {
             within_reach: &[],
             offsets: &[],
             manner: perform::Manner::MinimumJerk,
+            covers_db: 0.0,
+            behind_m: None,
             stay: None,
         };
         let rng = &mut ChaCha8Rng::seed_from_u64(1);

@@ -7,18 +7,22 @@
 //!
 //! No recording that is read here knows its object. The thing of the label moves with the hand from the moment at which the
 //! hand is farthest from where it began (pick up), until then (put down), or always (open, close); table and chair stay
-//! where the motion ends or begins.
+//! where the motion ends or begins. [`Recorded::touch`] finds hand and moment for people who also walk, and [`Among`] puts a
+//! recorded person among the tagged things of a generated one.
 
+mod among;
 mod bends;
 mod joints;
 mod smooth;
 #[cfg(test)]
 mod tests;
+mod touch;
 
 use std::ops::RangeInclusive;
 
 use glam::{Quat, Vec3};
 
+pub use self::among::Among;
 use self::bends::{Bends, bent};
 use super::body::{
     Body, Joint, Joints, Lengths, Side, basis, highest_hip, softly_at_most, stretched, two_bones,
@@ -104,6 +108,28 @@ impl Recorded {
         frames: RangeInclusive<u32>,
         recast: &Recast<'_>,
     ) -> Result<Self, RecordedError> {
+        Self::with_contact(motion, frames, recast, None)
+    }
+
+    /// The same, where the hand that acts takes, leaves or wipes the thing at `contact_s`.
+    ///
+    /// # Errors
+    /// Any [`RecordedError`].
+    pub fn touching(
+        motion: &Motion,
+        frames: RangeInclusive<u32>,
+        recast: &Recast<'_>,
+        contact_s: f64,
+    ) -> Result<Self, RecordedError> {
+        Self::with_contact(motion, frames, recast, Some(contact_s))
+    }
+
+    fn with_contact(
+        motion: &Motion,
+        frames: RangeInclusive<u32>,
+        recast: &Recast<'_>,
+        contact_s: Option<f64>,
+    ) -> Result<Self, RecordedError> {
         let found = joints::find(motion)?;
         let track = smooth::Track::new(motion, &found, frames)?;
         let body = Body::new(recast.person.height_m, recast.person.build);
@@ -111,7 +137,8 @@ impl Recorded {
         let fitted = Fitted::new(&track, *body.lengths(), scale);
         let duration_s = track.duration_s();
         let hand = recast.side.hand().index();
-        let held = recast.label.map(|label| Attached::new(label, &fitted, duration_s, recast.side));
+        let attached = |label| Attached::new(label, &fitted, duration_s, recast.side, contact_s);
+        let held = recast.label.map(attached);
         let to_room = in_room(&recast.place, recast.radar);
         let (thing, tags) = match &held {
             None => (Solid::default(), Vec::new()),
@@ -287,17 +314,25 @@ enum Attached {
 }
 
 impl Attached {
-    fn new(label: Category, fitted: &Fitted<'_>, duration_s: f64, side: Side) -> Self {
+    /// Touched at `contact_s`; without, when the hand is farthest from where it began.
+    fn new(
+        label: Category,
+        fitted: &Fitted<'_>,
+        duration_s: f64,
+        side: Side,
+        contact_s: Option<f64>,
+    ) -> Self {
         let hand = |time_s: f64| fitted.at(time_s)[side.hand().index()];
         let away = |t: f64| hand(t).distance(hand(0.0));
-        let farthest_s = times(duration_s).max_by(|&a, &b| away(a).total_cmp(&away(b))).unwrap_or_default();
+        let farthest = || times(duration_s).max_by(|&a, &b| away(a).total_cmp(&away(b)));
+        let touched_s = contact_s.or_else(farthest).unwrap_or_default();
         let hips = |time_s: f64| fitted.at(time_s)[Joint::HipCentre.index()].with_z(SEAT_HEIGHT);
         let (taken_s, left_s) = match label.action {
             Action::SitDown => return Self::Still(hips(duration_s)),
             Action::StandUp => return Self::Still(hips(0.0)),
-            Action::Wipe => return Self::Still(hand(farthest_s)),
-            Action::PickUp => (farthest_s, f64::INFINITY),
-            Action::PutDown => (f64::NEG_INFINITY, farthest_s),
+            Action::Wipe => return Self::Still(hand(touched_s)),
+            Action::PickUp => (touched_s, f64::INFINITY),
+            Action::PutDown => (f64::NEG_INFINITY, touched_s),
             Action::Open | Action::Close => (f64::NEG_INFINITY, f64::INFINITY),
         };
         let mut thing = Thing::new(label.object, Some(label.action), false);
@@ -306,7 +341,7 @@ impl Attached {
             thing.moving = Solid::default();
         }
         // Where the hand is so low that the thing would be below the floor, it is held higher up.
-        let contact = hand(farthest_s);
+        let contact = hand(touched_s);
         let at = contact - thing.grip;
         let rest = Pose { at: at.with_z(at.z.max(0.0)), turn: Quat::IDENTITY };
         let grasp = Grasp { rest, grip: contact - rest.at, taken_s, left_s };

@@ -2,12 +2,19 @@ use std::path::PathBuf;
 
 use glam::{Vec2, Vec3};
 
-use super::{Recast, Recorded, RecordedError};
+use super::{Among, Recast, Recorded, RecordedError};
 use crate::hoi::{Action, Category, Object};
 use crate::motion::{Motion, actions};
 use crate::simulate::Performance;
 use crate::simulate::body::{Joint, Side};
-use crate::simulate::scene::{Person, Place};
+use crate::simulate::draw::{Wanted, draw};
+use crate::simulate::effects::Domain;
+use crate::simulate::perform::Generated;
+use crate::simulate::sample::perform as generate;
+use crate::simulate::scene::{Person, Place, Scene};
+
+#[path = "../../../tests/made_up/kinect.rs"]
+mod kinect;
 
 /// The recording of this name in the folder that `RFHOI_CAPTURES` names, by default `../shared/captures` beside the
 /// workspace; `None`, and a word about it, without.
@@ -145,4 +152,69 @@ fn what_is_missing_is_named() {
     let motion = crate::motion::bvh::parse(bvh).unwrap();
     let fault = Recorded::new(&motion, 1..=1, &recast(&person, label)).unwrap_err();
     assert!(matches!(fault, RecordedError::NoJoint { joint: Joint::ShoulderLeft, .. }), "{fault}");
+}
+
+#[test]
+fn the_hand_that_touches_is_the_one_that_hdm05_names() {
+    // Frames in which the right hand is lowest, by the captures' table.
+    for (cut, lowest) in [
+        ("bd_depositFloorR_001", 163),
+        ("bd_depositFloorR_005", 138),
+        ("bk_depositFloorR_011", 143),
+        ("dg_depositFloorR_013", 142),
+        ("dg_depositFloorR_015", 156),
+    ] {
+        let bottle = Category { action: Action::PutDown, object: Object::Bottle };
+        let Some(puts) = perform(&format!("hdm05/HDM_{cut}_120.amc"), "put_down", bottle) else { return };
+        let (side, touched_s) = puts.touch();
+        let wanted_s = f64::from(lowest - 1) / 120.0;
+        assert!(side == Side::Right && (touched_s - wanted_s).abs() < 0.25, "{cut}: {side:?}, {touched_s} s");
+    }
+}
+
+/// A made-up motion in the place of a generated one, with the generated one.
+fn among(frames: std::ops::RangeInclusive<u32>, label: Category) -> (Among, Generated, usize) {
+    let motion = crate::motion::joint_list::parse(&kinect::lines()).unwrap();
+    let scenes = [Scene::named("working-space").unwrap()];
+    let draw = draw(&Wanted::one(Domain::Site, 4, &[label]), &scenes).swap_remove(0);
+    let (generated, _) = generate(Domain::Site, 4, &draw, &scenes[0]).unwrap();
+    let among = Among::new(&motion, frames, (&scenes[0], &draw), &generated).unwrap();
+    assert_eq!(among.tags(), generated.tags());
+    (among, generated, draw.target.unwrap())
+}
+
+#[test]
+fn who_sits_down_among_tags_sits_on_the_generated_chair() {
+    let label = Category { action: Action::SitDown, object: Object::Chair };
+    let (among, generated, _) = among(kinect::SITS, label);
+    for tag in 0..among.tags() {
+        assert_eq!(among.tag(tag, 1.0), generated.tag(tag, 0.0));
+    }
+    let hips = |joints: crate::simulate::body::Joints| joints[Joint::HipCentre.index()].truncate();
+    let (to, there) =
+        (hips(among.joints(among.duration_s())), hips(generated.joints(generated.duration_s())));
+    assert!(to.distance(there) < 0.02, "{to} and {there}");
+    let right = |joints: crate::simulate::body::Joints| {
+        (joints[Joint::HipRight.index()] - joints[Joint::HipLeft.index()]).truncate().normalize()
+    };
+    let turned = right(among.joints(among.duration_s())).dot(right(generated.joints(generated.duration_s())));
+    assert!(turned > 0.99, "{turned}");
+    // As long at rest before and after as the generated one.
+    let (acts, of_generated) = (among.interaction_s(), generated.interaction_s());
+    assert_eq!(acts.start, of_generated.start);
+    assert!((acts.end - acts.start - 2.0).abs() < 1e-6, "{acts:?}");
+    assert_eq!(among.joints(0.0), among.joints(acts.start));
+}
+
+#[test]
+fn what_is_picked_up_among_tags_goes_with_the_recorded_hand() {
+    let label = Category { action: Action::PickUp, object: Object::Bottle };
+    let (among, generated, target) = among(kinect::PICKS, label);
+    assert_eq!(among.side(), Side::Right);
+    for tag in (0..among.tags()).filter(|tag| *tag != target) {
+        assert_eq!(among.tag(tag, among.duration_s()), generated.tag(tag, 0.0));
+    }
+    let [lies, held] = [0.0, among.duration_s()].map(|time_s| among.tag(target, time_s));
+    assert!(lies.z < 0.6 && held.z > lies.z + 0.2, "from {lies} to {held}");
+    assert!(generated.tag(target, 0.0).z > 0.7, "on a table");
 }

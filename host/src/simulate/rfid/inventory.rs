@@ -218,11 +218,13 @@ impl<'a> Inventory<'a> {
     }
 
     fn link(&self, tag: usize, time_s: f64) -> Link {
-        let Situation { scene, position, effects, .. } = &self.situation;
+        let Situation { scene, performance, position, effects, .. } = &self.situation;
         let surroundings = Surroundings::new(&scene.room, &self.blockers, effects);
         let antenna = &scene.reader.antennas[self.antenna];
         let field = surroundings.one_way(antenna, position(tag, time_s), self.session.hertz(self.channel));
-        Link::new(field, f64::from(scene.reader.power_dbm), self.session.tags[tag].loss_db)
+        // Fingers are in the way there and back.
+        let covered_db = f64::from(performance.covered_db(tag, time_s)) / 2.0;
+        Link::new(field, f64::from(scene.reader.power_dbm), self.session.tags[tag].loss_db + covered_db)
     }
 
     /// Shift of what comes back along the direct path, Hz; a tag that comes nearer shifts it up.

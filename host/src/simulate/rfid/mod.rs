@@ -18,6 +18,9 @@
 //! | `pi_ambiguity` | weak phases may be half a turn off | none is |
 //! | `phase_error` | noise, and phase in steps of 4 codes | 12-bit codes of the true value |
 //!
+//! Fingers on a tag ([`Circumstance::Hand`](super::circumstance::Circumstance::Hand)) are no effect but a circumstance: they
+//! add to the tag's loss each way, whatever the switches say, so that the tag may fall silent.
+//!
 //! Parameters that recordings give stand beside their figures: hops in [`channel`], rounds in [`inventory`], levels in
 //! [`link`], noise in [`measurement`]. The recordings are of Impinj R420 readers: `rfid_phase/crozenboom` (one tag on 50
 //! channels) and the 2,927 samples of `rfid_phase/cwnu_rda_10_volunteers` ("RDA": 2 to 16 worn tags, one antenna,

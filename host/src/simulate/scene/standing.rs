@@ -14,6 +14,10 @@ pub const NEAREST_M: f32 = 0.9;
 pub const FIELD_OF_VIEW_RAD: f32 = core::f32::consts::FRAC_PI_3;
 /// Height of a standing person's chest over the floor, the middle of what the radar must see, m.
 pub const CHEST_M: f32 = 1.2;
+/// A little under the top of the lowest table, over the floor, m.
+const TABLE_M: f32 = 0.7;
+/// From the middle of a person to the end of a shoulder, m.
+const SHOULDER_M: f32 = 0.25;
 /// Rounding of coordinates: what touches a wall is not in it, m.
 pub(super) const TOUCH_M: f32 = 1e-3;
 
@@ -118,6 +122,35 @@ impl Scene {
         before(&self.room, &self.radar, self.furniture.iter(), place).is_none()
     }
 
+    /// Whether a person at `place` stands free and has room for their hands, wherever the radar looks.
+    pub fn has_room(&self, place: &Place) -> bool {
+        let fault = fault(&self.room, &self.radar, self.furniture.iter(), place);
+        matches!(fault, None | Some(Fault::OutOfSight { .. } | Fault::Far { .. } | Fault::Hidden(_)))
+    }
+
+    /// Whether a person at `place` has room, and is where the radar looks, though furniture may hide them.
+    pub fn has_in_view(&self, place: &Place) -> bool {
+        let fault = fault(&self.room, &self.radar, self.furniture.iter(), place);
+        matches!(fault, None | Some(Fault::Hidden(_)))
+    }
+
+    /// From a person at `place` straight back to a wall, or to a piece of furniture at the height of a table, over the width
+    /// of their shoulders, m; 0 if there is one beside them.
+    pub fn room_behind(&self, place: &Place) -> f32 {
+        let back = -place.front(self.radar.position).extend(0.0);
+        let middle = place.position.extend(self.room.min.z + TABLE_M);
+        let free = |aside: f32| {
+            let from = middle + back.cross(Vec3::Z) * aside;
+            if !self.room.contains(from) {
+                return 0.0;
+            }
+            let wall_m = self.room.distance_to_wall(from, back);
+            let entered = self.furniture.iter().filter_map(|piece| piece.entered(from, from + back * wall_m));
+            entered.fold(1.0, f32::min) * wall_m
+        };
+        [-SHOULDER_M, 0.0, SHOULDER_M].map(free).into_iter().fold(f32::INFINITY, f32::min)
+    }
+
     /// Whether a person at `place` stands free, has room for their hands, and is seen by the radar.
     pub fn admits(&self, place: &Place) -> bool {
         fault(&self.room, &self.radar, self.furniture.iter(), place).is_none()
@@ -137,5 +170,23 @@ mod tests {
         assert!(place(0.0).front(radar).distance(Vec2::NEG_Y) < 1e-6);
         // Who looks at the radar has x, which is the radar's right, on their left.
         assert!(place(FRAC_PI_2).front(radar).distance(Vec2::X) < 1e-6);
+    }
+    #[test]
+    fn behind_people_there_is_room_up_to_a_wall_or_a_desk() {
+        let scene = Scene::named("working-space").unwrap();
+        let radar = scene.radar.position.truncate();
+        let at = |x: f32, y: f32| Place { position: Vec2::new(x, y), facing_rad: 0.0 };
+        // Who looks at the radar has the far wall behind them, at 6 m, or the desks before it, from 5 m on.
+        let straight = at(radar.x, 5.5);
+        assert!((scene.room_behind(&straight) - 0.5).abs() < 1e-3, "{}", scene.room_behind(&straight));
+        let left = Place { facing_rad: -libm::atan2f(2.5, 3.6), ..at(-2.5, 4.0) };
+        assert!(left.front(scene.radar.position).distance(Vec2::NEG_Y) < 1e-3);
+        assert!((scene.room_behind(&left) - 1.0).abs() < 1e-3, "{}", scene.room_behind(&left));
+        assert_eq!(scene.room_behind(&at(-3.3, 5.0)), 0.0);
+        for place in &scene.places {
+            assert!(scene.has_room(place) && scene.has_in_view(place) && scene.room_behind(place) > 0.5);
+        }
+        let past = at(0.0, 4.6);
+        assert!(scene.has_room(&past) && !scene.has_in_view(&past) && !scene.admits(&past));
     }
 }

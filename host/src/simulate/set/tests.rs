@@ -7,6 +7,7 @@ use rfhoi_shared::radar::RadarProfile;
 
 use super::*;
 use crate::hoi::CATEGORIES;
+use crate::simulate::circumstance::Circumstance;
 use crate::simulate::effects::Domain;
 
 /// A room whose maps are made fast.
@@ -24,6 +25,7 @@ fn options(scenes: &[Scene], samples: u32) -> Options<'_> {
         nothing: 0.1,
         expand: false,
         setups: None,
+        circumstance: None,
     };
     Options { wanted, effects: Effects::of(Domain::Train), scenes, workers: 2 }
 }
@@ -83,6 +85,33 @@ fn another_set_is_not_overwritten() {
     std::fs::write(folder.path().join(MANIFEST), "{").unwrap();
     let sentence = write(folder.path(), &other, &mut |_| true).unwrap_err().to_string();
     assert!(sentence.contains("is no manifest"), "{sentence}");
+}
+
+#[test]
+fn the_manifest_says_what_made_it_harder_and_sets_are_not_mixed() {
+    let (scenes, folder) = (scenes(), tempfile::tempdir().unwrap());
+    let plain = options(&scenes, 2);
+    let mut harder = plain;
+    harder.wanted.circumstance = Some(Circumstance::SecondPerson);
+    let [a, b] = ["a", "b"].map(|name| folder.path().join(name));
+    write(&a, &plain, &mut |_| true).unwrap();
+    write(&b, &harder, &mut |_| true).unwrap();
+    let manifest = |folder: &Path| -> Value {
+        serde_json::from_slice(&std::fs::read(folder.join(MANIFEST)).unwrap()).unwrap()
+    };
+    let (without, mut with) = (manifest(&a), manifest(&b));
+    assert_eq!(with["circumstance"], "second-person");
+    with.as_object_mut().unwrap().remove("circumstance");
+    assert_eq!(without, with, "all else is the same, and says nothing of it");
+    let shards = [&a, &b].map(|folder| std::fs::read(folder.join(shard_name(0))).unwrap());
+    assert!(shards[0] != shards[1]);
+    for (folder, other, sentence) in [
+        (&a, &harder, "is missing, not \"second-person\""),
+        (&b, &plain, "is \"second-person\", not missing"),
+    ] {
+        let refused = write(folder, other, &mut |_| true).unwrap_err().to_string();
+        assert!(refused.contains(&format!("its circumstance {sentence}")), "{refused}");
+    }
 }
 
 #[test]
