@@ -100,11 +100,26 @@ fn product<I: Isa>(isa: I, rows: &[&[f32]; QUERIES], block: &[Row]) -> [[I::Floa
         *a = &row[..block.len()];
     }
     let mut sums = [[isa.splat(0.0); GROUPS]; QUERIES];
-    for (at, b) in block.iter().enumerate() {
-        for row in 0..QUERIES {
-            let a = isa.splat(a[row][at]);
-            for group in 0..GROUPS {
-                sums[row][group] = isa.fused(a, isa.floats(&b[group]), sums[row][group]);
+    if I::EIGHT_SUMS {
+        for (at, b) in block.iter().enumerate() {
+            for row in 0..QUERIES {
+                let a = isa.splat(a[row][at]);
+                for group in 0..GROUPS {
+                    sums[row][group] = isa.fused(a, isa.floats(&b[group]), sums[row][group]);
+                }
+            }
+        }
+    } else {
+        for group in 0..GROUPS {
+            let mut own = [isa.splat(0.0); QUERIES];
+            for (at, b) in block.iter().enumerate() {
+                let b = isa.floats(&b[group]);
+                for row in 0..QUERIES {
+                    own[row] = isa.fused(isa.splat(a[row][at]), b, own[row]);
+                }
+            }
+            for row in 0..QUERIES {
+                sums[row][group] = own[row];
             }
         }
     }

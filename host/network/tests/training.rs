@@ -54,7 +54,7 @@ fn material<'a>(
     validation: &'a [&'a Sample],
     names: &'a [Vec<f32>],
 ) -> Material<'a> {
-    Material { samples: learn, validation, names, interchangeable: (&[], &[]), reversed: &[] }
+    Material { samples: learn, beside: &[], validation, names, interchangeable: (&[], &[]), reversed: &[] }
 }
 
 fn trained(config: rfhoi_network::config::NetworkConfig, epochs: u32) -> Model {
@@ -125,6 +125,45 @@ fn beams_are_learnt_from_the_covariance() {
     let answers = answers(&network, &description.config, &references, &names).unwrap();
     let action = Metrics::of(answers.iter().zip(&test), 0.0).action.value();
     assert!(action > 0.95, "{action}");
+}
+
+/// Counts the batches of each epoch.
+#[derive(Default)]
+struct Batches(Vec<usize>);
+
+impl Watch for Batches {
+    fn batch(&mut self, _: u32, _: usize, of: usize, _: f64) -> bool {
+        self.0.push(of);
+        true
+    }
+
+    fn epoch(&mut self, epoch: &Epoch) {
+        assert!(epoch.training_hoi <= 1.0);
+    }
+}
+
+#[test]
+fn what_is_beside_is_learnt_too() {
+    let _turn = turn();
+    // Those to learn from know one action, what is beside the others.
+    let (learn, names) = (samples(0..64), names());
+    let learn: Vec<&Sample> = learn.iter().filter(|sample| sample.action == Some(0)).collect();
+    let beside = samples(100..400);
+    let beside: Vec<&Sample> = beside.iter().filter(|sample| sample.action != Some(0)).collect();
+    let description = describe(config(Fusion::Concat));
+    let reached = |share: f64| {
+        let material = Material { beside: &beside, ..material(&learn, &[], &names) };
+        let mut batches = Batches::default();
+        let recipe = Recipe { beside: share, ..recipe(40) };
+        let model = train(&description, None, &recipe, material, None, &mut batches).unwrap().model;
+        (hoi(&model), batches.0[0])
+    };
+    let of = |samples: usize| samples.div_ceil(16);
+    let (alone, batches) = reached(0.0);
+    assert_eq!(batches, of(learn.len()));
+    let (both, batches) = reached(2.0);
+    assert_eq!(batches, of(3 * learn.len()));
+    assert!(both > 0.9 && alone < 0.7, "{alone} alone, {both} with others");
 }
 
 #[test]

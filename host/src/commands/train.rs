@@ -215,6 +215,13 @@ pub(super) struct Finetune {
     /// Seed of that draw.
     #[arg(long, default_value_t = 1)]
     split_seed: u64,
+    /// Folder of another set, such as that of pre-training, of which each epoch learns some samples beside, so that what was learnt
+    /// before is not forgotten.
+    #[arg(long, value_name = "DIR")]
+    beside: Option<PathBuf>,
+    /// How many of these, for each sample to learn from.
+    #[arg(long, default_value_t = 1.0, value_name = "SAMPLES", requires = "beside")]
+    beside_share: f64,
     #[command(flatten)]
     recipe: RecipeArgs,
 }
@@ -468,15 +475,22 @@ impl Finetune {
         let names = names()?;
         let from = model(&self.model)?;
         let settings = settings(&from)?;
-        let recipe = self.recipe.apply(Recipe::fine_tuning(self.recipe.seed))?;
+        let mut recipe = self.recipe.apply(Recipe::fine_tuning(self.recipe.seed))?;
+        ensure!((0.0..=1e3).contains(&self.beside_share), "--beside-share must be 0 to 1000");
+        let beside = self.beside.as_ref().map(|folder| data(folder, settings, &names)).transpose()?;
+        recipe.beside = if beside.is_some() { self.beside_share } else { 0.0 };
         let data = data(&self.set, settings, &names)?;
+        let same = beside.as_ref().is_none_or(|other| other.set.objects == data.set.objects);
+        ensure!(same, "--beside has other objects than --set: make both with the same version of rfhoi");
+        let others: Vec<_> = beside.iter().flat_map(|other| &other.set.samples).collect();
         let split = learn::random_split(data.set.samples.len(), self.share, self.split_seed);
         std::fs::create_dir_all(&self.out)
             .with_context(|| format!("cannot make the folder {}", self.out.display()))?;
         let history = self.out.join(HISTORY);
         let mut live = Live::new("fine-tuning", Some(history.clone()), &[])?;
         let folder = Folder(self.out.join("run"));
-        let tuned = learn::tune(&from, &data, &split, &recipe, &command(), Some(&folder), &mut live)?;
+        let tuned =
+            learn::tune(&from, &data, &split, &others, &recipe, &command(), Some(&folder), &mut live)?;
         drop(live);
         let path = self.out.join(MODEL);
         save(&tuned.model, &path)?;

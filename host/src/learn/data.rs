@@ -137,6 +137,7 @@ impl Data {
         let (objects, actions) = &self.interchangeable;
         Material {
             samples,
+            beside: &[],
             validation,
             names: &self.names,
             interchangeable: (objects, actions),

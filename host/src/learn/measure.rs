@@ -36,6 +36,19 @@ pub fn answers(
     samples: &[&Sample],
     progress: &mut dyn FnMut(f64) -> bool,
 ) -> Result<Vec<Answer>, MeasureError> {
+    answers_with(model, &|sample| data.vectors(sample), samples, progress)
+}
+
+/// The same of samples that are in no set; `vectors` makes the vectors of a sample's tags, one after the other.
+///
+/// # Errors
+/// As [`answers`].
+pub fn answers_with(
+    model: &Model,
+    vectors: &dyn Fn(&Sample) -> Vec<f32>,
+    samples: &[&Sample],
+    progress: &mut dyn FnMut(f64) -> bool,
+) -> Result<Vec<Answer>, MeasureError> {
     let mut runner = runner(model, Kernels::best())?;
     let mut answers = Vec::with_capacity(samples.len());
     for (number, sample) in samples.iter().enumerate() {
@@ -46,7 +59,7 @@ pub fn answers(
         for number in 0..sample.frames.len() {
             runner.push(sample.frames.frame(number))?;
         }
-        answers.push(runner.answer(0..sample.frames.len(), &data.vectors(sample))?);
+        answers.push(runner.answer(0..sample.frames.len(), &vectors(sample))?);
     }
     Ok(answers)
 }
@@ -84,10 +97,11 @@ pub fn metrics(
     progress: &mut dyn FnMut(f64) -> bool,
 ) -> Result<Metrics, MeasureError> {
     let answers = answers(model, data, samples, progress)?;
-    let least = if model.description.least_probability > 0.0 {
-        model.description.least_probability
-    } else {
-        LEAST_PROBABILITY
-    };
-    Ok(Metrics::of(answers.iter().zip(samples.iter().copied()), least))
+    Ok(Metrics::of(answers.iter().zip(samples.iter().copied()), least(model)))
+}
+
+/// Tuples less probable than this are not told by a model.
+pub fn least(model: &Model) -> f32 {
+    let own = model.description.least_probability;
+    if own > 0.0 { own } else { LEAST_PROBABILITY }
 }

@@ -13,7 +13,7 @@ mod time;
 mod tune;
 
 pub use data::{Data, DataError, load};
-pub use measure::{MeasureError, answers, calibrate, metrics};
+pub use measure::{MeasureError, answers, answers_with, calibrate, least, metrics};
 pub use split::{Split, random_split};
 pub use time::{Timing, WINDOW, time};
 pub use tune::tune;

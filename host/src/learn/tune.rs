@@ -1,7 +1,8 @@
 //! Fine-tuning on a part of a set.
 
 use rfhoi_network::model::Model;
-use rfhoi_network::train::{self, Folder, Recipe, TrainError, Trained, Watch};
+use rfhoi_network::sample::Sample;
+use rfhoi_network::train::{self, Folder, Material, Recipe, TrainError, Trained, Watch};
 use serde_json::json;
 
 use super::{Data, LEAST_PROBABILITY, Split, calibrate};
@@ -9,8 +10,8 @@ use super::{Data, LEAST_PROBABILITY, Split, calibrate};
 /// Share of the samples to learn from that is held back to learn how much probabilities are to be believed.
 const HELD_BACK: f64 = 0.1;
 
-/// Tunes `from` on the part of `data` that is to be learnt from. A tenth of that part is held back: from it comes the
-/// temperature of the model's probabilities.
+/// Tunes `from` on the part of `data` that is to be learnt from, and on some of `beside` as [`Recipe::beside`] says, whose objects
+/// have the same numbers. A tenth of that part is held back: from it comes the temperature of the model's probabilities.
 ///
 /// # Errors
 /// As [`train::train`].
@@ -18,6 +19,7 @@ pub fn tune(
     from: &Model,
     data: &Data,
     split: &Split,
+    beside: &[&Sample],
     recipe: &Recipe,
     command: &str,
     folder: Option<&Folder>,
@@ -38,7 +40,7 @@ pub fn tune(
             "recipe": recipe,
         }));
     }
-    let material = data.material(&samples, &[]);
+    let material = Material { beside, ..data.material(&samples, &[]) };
     let mut tuned = train::train(&description, Some(from), recipe, material, folder, watch)?;
     if !held_back.is_empty() {
         let network = tuned.model.network(&train::device())?;

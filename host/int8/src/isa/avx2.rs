@@ -97,6 +97,7 @@ impl<const VNNI: bool> Isa for Avx2<VNNI> {
     type Floats = Floats;
     const ROWS: usize = if VNNI { 6 } else { 4 };
     const PANELS: usize = 1;
+    const EIGHT_SUMS: bool = false;
 
     operations! {
         bytes(quads: &Quads) -> Ints = transmute(*quads);

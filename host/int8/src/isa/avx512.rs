@@ -49,6 +49,7 @@ impl<const AMX: bool> Isa for Avx512<AMX> {
     type Floats = __m512;
     const ROWS: usize = 6;
     const PANELS: usize = 4;
+    const EIGHT_SUMS: bool = true;
 
     operations! {
         bytes(quads: &Quads) -> __m512i = _mm512_loadu_si512(quads.as_ptr().cast());

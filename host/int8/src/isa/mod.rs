@@ -38,6 +38,8 @@ pub(crate) trait Isa: Copy + Send + Sync {
     const ROWS: usize;
     /// Panels of 16 outputs that it takes at once: 1, 2 or 4.
     const PANELS: usize;
+    /// Whether eight sums of floats and what they are made of stay in registers.
+    const EIGHT_SUMS: bool;
 
     /// Runs `work`, compiled for these instructions.
     fn run<W: Work>(self, work: W);

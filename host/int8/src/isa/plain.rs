@@ -32,6 +32,7 @@ impl Isa for Plain {
     type Floats = Floats;
     const ROWS: usize = 1;
     const PANELS: usize = 1;
+    const EIGHT_SUMS: bool = false;
 
     #[inline(always)]
     fn run<W: Work>(self, work: W) {

@@ -5,6 +5,7 @@ use std::sync::mpsc::sync_channel;
 use burn::tensor::Device;
 use rand::SeedableRng;
 use rand::seq::SliceRandom;
+use rand::seq::index::sample;
 use rand_chacha::ChaCha8Rng;
 
 use super::learner::Labels;
@@ -58,15 +59,26 @@ impl Loader<'_> {
         })
     }
 
+    /// The sample at a place: those to learn from first, then those beside.
+    fn sample(&self, place: usize) -> &Sample {
+        let Material { samples, beside, .. } = self.material;
+        match place.checked_sub(samples.len()) {
+            Some(place) => beside[place],
+            None => samples[place],
+        }
+    }
+
     /// Places of the samples, batch by batch.
     fn batches(&self, epoch: u32) -> Vec<Vec<usize>> {
-        let samples = self.material.samples;
+        let Material { samples, beside, .. } = self.material;
         let mut rng = ChaCha8Rng::seed_from_u64(self.recipe.seed);
         rng.set_stream(u64::from(epoch));
         let mut order: Vec<usize> = (0..samples.len()).collect();
+        let drawn = sample(&mut rng, beside.len(), self.material.drawn(self.recipe));
+        order.extend(drawn.into_iter().map(|place| samples.len() + place));
         order.shuffle(&mut rng);
         for part in order.chunks_mut(SORTED * self.recipe.batch) {
-            part.sort_by_key(|&place| samples[place].frames.len());
+            part.sort_by_key(|&place| self.sample(place).frames.len());
         }
         let mut batches: Vec<Vec<usize>> = order.chunks(self.recipe.batch).map(<[usize]>::to_vec).collect();
         batches.shuffle(&mut rng);
@@ -74,12 +86,12 @@ impl Loader<'_> {
     }
 
     fn step(&self, epoch: u32, number: usize, places: &[usize]) -> Result<Step, TrainError> {
-        let Material { samples, names, .. } = self.material;
+        let names = self.material.names;
         let mut rng = ChaCha8Rng::seed_from_u64(self.recipe.seed);
         rng.set_stream(1 << 63 | u64::from(epoch) << 32 | number as u64);
         let changed: Vec<Sample> = places
             .iter()
-            .map(|&place| self.recipe.augment.apply(samples[place], &self.material, &mut rng))
+            .map(|&place| self.recipe.augment.apply(self.sample(place), &self.material, &mut rng))
             .collect();
         let part: Vec<_> = changed
             .iter()

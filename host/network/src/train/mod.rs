@@ -57,6 +57,9 @@ pub struct Recipe {
     /// Weight of the loss of where the person is and looks, which the radar's features have to tell beside; 0 is without.
     /// Which way something moves is worth little as long as the network does not know which way the person looks.
     pub pose_weight: f64,
+    /// Of [`Material::beside`], so many are drawn for each sample to learn from.
+    #[serde(default)]
+    pub beside: f64,
     /// What is done to samples.
     pub augment: Augment,
     /// Seed of weights, order, augmentation and dropout.
@@ -75,6 +78,7 @@ impl Recipe {
             target_weight: 0.5,
             smoothing: 0.05,
             pose_weight: 0.5,
+            beside: 0.0,
             augment: Augment::default(),
             seed,
         }
@@ -91,6 +95,8 @@ impl Recipe {
 pub struct Material<'a> {
     /// Samples to learn from.
     pub samples: &'a [&'a Sample],
+    /// Others, of which each epoch draws some: what was learnt before is not forgotten for a few samples' sake.
+    pub beside: &'a [&'a Sample],
     /// Samples that say when to stop; may be empty, then the last epoch counts.
     pub validation: &'a [&'a Sample],
     /// Vectors of names, by the samples' numbers of objects.
@@ -100,6 +106,19 @@ pub struct Material<'a> {
     pub interchangeable: (&'a [usize], &'a [usize]),
     /// What each action is when it is played backwards; empty where nobody knows.
     pub reversed: &'a [usize],
+}
+
+impl Material<'_> {
+    /// Samples of those beside that an epoch draws.
+    fn drawn(&self, recipe: &Recipe) -> usize {
+        let wanted = (self.samples.len() as f64 * recipe.beside).round() as usize;
+        wanted.min(self.beside.len())
+    }
+
+    /// Samples that an epoch learns from.
+    fn in_an_epoch(&self, recipe: &Recipe) -> usize {
+        self.samples.len() + self.drawn(recipe)
+    }
 }
 
 /// One epoch.
@@ -217,7 +236,7 @@ pub fn train(
         Some(folder) if state.best.is_some() => Some(checkpoint::best(folder)?),
         _ => None,
     };
-    let batches = material.samples.len().div_ceil(recipe.batch);
+    let batches = material.in_an_epoch(recipe).div_ceil(recipe.batch);
     while !state.is_over(recipe) {
         let epoch = state.history.len() as u32;
         // Dropout draws from the device.
@@ -254,9 +273,9 @@ pub fn train(
         let entry = Epoch {
             epoch,
             loss: losses / batches as f64,
-            training_hoi: f64::from(hits) / material.samples.len() as f64,
+            training_hoi: f64::from(hits) / material.in_an_epoch(recipe) as f64,
             validation,
-            samples_per_s: material.samples.len() as f64 / began.elapsed().as_secs_f64(),
+            samples_per_s: material.in_an_epoch(recipe) as f64 / began.elapsed().as_secs_f64(),
         };
         watch.epoch(&entry);
         if state.take(entry) {
