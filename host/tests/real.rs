@@ -11,6 +11,9 @@ use rfhoi::real::reads;
 use rfhoi_network::sample::{READ_CHANNELS, read};
 use serde_json::Value;
 
+#[path = "made_up/kinect.rs"]
+mod kinect;
+
 /// A clip of six frames of which the fourth and fifth are labelled, with one cell that rests and two that do not; made with h5py.
 const CLIP: &[u8] = include_bytes!("data/clip.h5");
 
@@ -141,4 +144,91 @@ fn clips_are_read_and_their_three_tasks_done() {
     let cut = rfhoi(&["experiment", "real-radar", "--data", folder.path().to_str().unwrap(), "--out", "out"]);
     assert_eq!(cut.status.code(), Some(1));
     assert!(String::from_utf8_lossy(&cut.stderr).contains("left_1.h5"), "{cut:?}");
+}
+
+/// A folder of one made-up motion, whose table lists what is known, what is not, and what is too short.
+fn write_motions(folder: &Path) {
+    std::fs::create_dir_all(folder.join("kinect")).unwrap();
+    std::fs::write(folder.join("kinect/joints_a_1.txt"), kinect::lines()).unwrap();
+    let mut table = "file\taction\tstart\tend\n".to_owned();
+    let (sits, picks) = (kinect::SITS, kinect::PICKS);
+    let rows = [
+        ("sit_down", sits.clone()),
+        ("wave", sits),
+        ("pick_up", picks.clone()),
+        ("push (no object; proxy for close)", picks),
+        ("put_down", 0..=4),
+    ];
+    for (action, frames) in rows {
+        writeln!(table, "made/joints_a_1.txt\t{action}\t{}\t{}", frames.start(), frames.end()).unwrap();
+    }
+    std::fs::write(folder.join("ACTION_INDEX.tsv"), table).unwrap();
+}
+
+#[test]
+fn recorded_motion_stands_beside_generated_motion() {
+    let folder = tempfile::tempdir().unwrap();
+    let motions = folder.path().join("motions");
+    write_motions(&motions);
+    let run = |name: &str, words: &[&str]| {
+        let out = folder.path().join(name);
+        let (motions, to) = (motions.to_str().unwrap(), out.to_str().unwrap());
+        let all = ["experiment", "real-motion", "--motions", motions, "--out", to, "--setups", "2"];
+        let run = rfhoi(&[&all[..], words].concat());
+        assert!(run.status.success(), "{run:?}");
+        ["real-motion.json", "real-motion.txt"].map(|file| std::fs::read_to_string(out.join(file)).unwrap())
+    };
+    let [json, text] = run("first", &[]);
+    assert_eq!(run("again", &["--workers", "1"]), [json.clone(), text.clone()]);
+    let result: Value = serde_json::from_str(&json).unwrap();
+    assert_eq!(result["simulated"], "radar and reader; motion recorded");
+    assert_eq!((&result["motions"][0]["person"], &result["setups"]), (&"kinect/a".into(), &2.into()));
+    let left_out = result["left_out"].as_array().unwrap();
+    assert!(left_out.len() == 1 && left_out[0]["why"].as_str().unwrap().contains("3 frames"), "{left_out:?}");
+    let rows = result["actions"].as_array().unwrap();
+    let done: Vec<&str> = rows.iter().map(|row| row["action"].as_str().unwrap()).collect();
+    assert_eq!(done, ["sit down", "pick up", "all"]);
+    for row in rows.iter().chain(result["people"].as_array().unwrap()) {
+        let pairs = if row["action"] == "all" { 4 } else { 2 };
+        for kind in ["recorded", "generated"] {
+            let said = row[kind]["said"].as_array().unwrap();
+            assert_eq!(said.iter().filter_map(Value::as_u64).sum::<u64>(), pairs);
+            assert_eq!(
+                (&row[kind]["tuple"]["of"], &row[kind]["object"]["of"]),
+                (&pairs.into(), &pairs.into())
+            );
+        }
+        assert_eq!(row["pairs"].as_array().unwrap().iter().filter_map(Value::as_u64).sum::<u64>(), pairs);
+    }
+    // The made-up thing lies near the floor, generated ones on a table.
+    let lies_m = |kind: &str| rows[1][kind]["medians"]["lies_m"].as_f64().unwrap();
+    assert!(lies_m("recorded") < 0.6 && lies_m("generated") > 0.7, "{}", rows[1]);
+    assert_eq!(result["samples"].as_array().unwrap().len(), 8);
+    assert!(
+        text.contains("sit down   recorded         2") && text.contains("left out: joints_a_1.txt"),
+        "{text}"
+    );
+}
+
+#[test]
+fn motions_that_are_not_there_are_told() {
+    let folder = tempfile::tempdir().unwrap();
+    let (motions, out) = (folder.path().to_str().unwrap(), folder.path().join("out"));
+    let fails = || {
+        let words = ["experiment", "real-motion", "--motions", motions, "--out", out.to_str().unwrap()];
+        let run = rfhoi(&words);
+        assert_eq!(run.status.code(), Some(1));
+        assert!(!out.exists());
+        String::from_utf8_lossy(&run.stderr).into_owned()
+    };
+    let error = fails();
+    assert!(error.contains("holds no ACTION_INDEX.tsv"), "{error}");
+    write_motions(folder.path());
+    std::fs::remove_file(folder.path().join("kinect/joints_a_1.txt")).unwrap();
+    let error = fails();
+    assert!(error.contains("lists joints_a_1.txt, which is neither"), "{error}");
+    std::fs::write(folder.path().join("ACTION_INDEX.tsv"), "file\taction\tstart\tend\na.txt\twave\t1\t9\n")
+        .unwrap();
+    let error = fails();
+    assert!(error.contains("lists none of sit_down"), "{error}");
 }

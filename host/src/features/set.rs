@@ -128,6 +128,39 @@ pub struct Setup {
     pub pose: Pose,
     /// The person's first and last movement, s after the first frame; 0 and 0 without an action.
     pub interaction_s: [f32; 2],
+    /// Number of the setup, where the set has some.
+    pub number: Option<usize>,
+}
+
+/// What a set holds, without its features.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Listing {
+    /// The samples, in the set's order.
+    pub samples: Vec<Listed>,
+    /// Of everything that the manifest says.
+    pub fingerprint: u32,
+}
+
+/// A sample of a listing.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Listed {
+    /// Number of the action, and of the object that it is done to.
+    pub label: Option<(usize, usize)>,
+    /// Where and by whom; `interaction_s` is not known.
+    pub setup: Setup,
+}
+
+/// Lists the set in `folder`.
+///
+/// # Errors
+/// If the set is not complete or not to be read.
+pub fn list(folder: &Path) -> Result<Listing, SetError> {
+    let Manifest { samples, fingerprint, .. } = Manifest::read(folder)?;
+    let listed = |entry: &manifest::Entry| Listed {
+        label: entry.action.zip(entry.target.map(|target| entry.objects[target])),
+        setup: entry.setup,
+    };
+    Ok(Listing { samples: samples.iter().map(listed).collect(), fingerprint })
 }
 
 /// All samples of a set.

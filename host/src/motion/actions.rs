@@ -39,11 +39,32 @@ pub fn beside(path: &Path) -> Result<Option<(PathBuf, Vec<Action>)>, MotionError
     }
 }
 
+/// All actions of the table at `path`, in its order, each with the last part of its motion's file name.
+///
+/// # Errors
+/// [`MotionError::Open`], [`MotionError::TooLong`], [`MotionError::Line`] of the table.
+pub fn all(path: &Path) -> Result<Vec<(String, Action)>, MotionError> {
+    let table = read(path)?;
+    let listed = rows(&table).and_then(|rows| {
+        let named = rows.filter(|(_, [file, ..])| !last_part(file).is_empty());
+        named.map(|(line, cells)| Ok((last_part(cells[0]).to_owned(), action(line, cells)?))).collect()
+    });
+    listed.map_err(|fault| MotionError::Line { path: path.to_path_buf(), fault })
+}
+
 /// The actions of the motion named `name` in a table, in the order of their beginnings.
 ///
 /// # Errors
 /// The first line that breaks the format.
 pub fn parse(table: &str, name: &str) -> Result<Vec<Action>, Fault> {
+    let named = rows(table)?.filter(|(_, [file, ..])| last_part(file) == name);
+    let mut actions = named.map(|(line, cells)| action(line, cells)).collect::<Result<Vec<_>, _>>()?;
+    actions.sort_by_key(|action| action.start);
+    Ok(actions)
+}
+
+/// The cells of [`COLUMNS`] of each row, with the row's line.
+fn rows(table: &str) -> Result<impl Iterator<Item = (usize, [&str; COLUMNS.len()])>, Fault> {
     let mut lines = table.lines().enumerate().map(|(i, line)| (i + 1, line.split('\t').collect::<Vec<_>>()));
     let header = lines.next().map(|(_, cells)| cells).unwrap_or_default();
     let mut columns = [0; COLUMNS.len()];
@@ -53,24 +74,23 @@ pub fn parse(table: &str, name: &str) -> Result<Vec<Action>, Fault> {
             .position(|cell| cell.trim() == wanted)
             .ok_or_else(|| Fault::new(1, format!("there is no column `{wanted}`")))?;
     }
-    let mut actions = Vec::new();
-    for (line, cells) in lines {
-        let [file, action, start, end] = columns.map(|c| cells.get(c).copied().unwrap_or_default().trim());
-        if file.rsplit(['/', '\\']).next() != Some(name) {
-            continue;
-        }
-        let frame = |text: &str| {
-            text.parse().map_err(|_| Fault::new(line, format!("`{}` is no number of a frame", short(text))))
-        };
-        let (start, end) = (frame(start)?, frame(end)?);
-        if end < start {
-            return Err(Fault::new(
-                line,
-                format!("the action ends at frame {end}, before it starts at {start}"),
-            ));
-        }
-        actions.push(Action { name: action.to_owned(), start, end });
+    Ok(lines.map(move |(line, cells)| {
+        (line, columns.map(|column| cells.get(column).copied().unwrap_or_default().trim()))
+    }))
+}
+
+fn last_part(file: &str) -> &str {
+    file.rsplit(['/', '\\']).next().unwrap_or_default()
+}
+
+fn action(line: usize, [_, name, start, end]: [&str; COLUMNS.len()]) -> Result<Action, Fault> {
+    let frame = |text: &str| {
+        text.parse::<u32>()
+            .map_err(|_| Fault::new(line, format!("`{}` is no number of a frame", short(text))))
+    };
+    let (start, end) = (frame(start)?, frame(end)?);
+    if end < start {
+        return Err(Fault::new(line, format!("the action ends at frame {end}, before it starts at {start}")));
     }
-    actions.sort_by_key(|action| action.start);
-    Ok(actions)
+    Ok(Action { name: name.to_owned(), start, end })
 }

@@ -129,6 +129,14 @@ fn actions_are_those_of_the_file() {
     assert_eq!(actions::parse(table, "a.amc").unwrap()[0], take);
     assert_eq!(actions::parse(table, "b.amc").unwrap_err().line, 3);
     assert_eq!(actions::parse(table, "c.amc").unwrap(), []);
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join(actions::NAME);
+    std::fs::write(&path, table).unwrap();
+    assert!(matches!(actions::all(&path), Err(MotionError::Line { fault, .. }) if fault.line == 3));
+    std::fs::write(&path, table.replace('x', "7") + "\n").unwrap();
+    let named: Vec<(String, u32)> =
+        actions::all(&path).unwrap().into_iter().map(|(file, action)| (file, action.end)).collect();
+    assert_eq!(named, [("a.amc", 30), ("b.amc", 7), ("a.amc", 9)].map(|(file, end)| (file.to_owned(), end)));
 }
 
 /// Reads `text` as every kind: an error or a motion whose parts fit together.

@@ -1,15 +1,17 @@
-//! Labelled recordings of real devices, as the network takes them: what has only ever learnt from simulated rooms is held against
-//! the world.
+//! Labelled recordings of real devices and of real people's motion, as the network takes them: what has only ever learnt from
+//! simulated rooms is held against the world.
 //!
 //! ```text
 //! folder or .tar.xz --[files]--> name, bytes --+--[reads]--> tag reads --FrameStream, FrameFeatures--> [Real]
 //!                                              +--[radar]--> spectrograms, heatmaps ----------------> [Real], [Clip](radar::Clip)
 //! ```
 //!
-//! Each kind has one radio and no tuples, so the network is one of its branches with an action's head: the same code as ships, with
-//! widths, antennas and classes by configuration. People who are measured on are never learnt from.
+//! Each of these kinds has one radio and no tuples, so the network is one of its branches with an action's head: the same code as ships,
+//! with widths, antennas and classes by configuration. People who are measured on are never learnt from. [`motion`] is another: recorded
+//! people, simulated radios, the network that ships.
 
 pub mod files;
+pub mod motion;
 pub mod radar;
 pub mod reads;
 

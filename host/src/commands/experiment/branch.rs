@@ -49,6 +49,7 @@ impl Trial<'_> {
         std::fs::create_dir_all(&out).with_context(|| format!("cannot make the folder {}", out.display()))?;
         let material = Material {
             samples: learn,
+            beside: &[],
             // What is tested says nothing, not even when to stop.
             validation: &[],
             names,

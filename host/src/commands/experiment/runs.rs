@@ -7,10 +7,10 @@ use std::sync::Mutex;
 use anyhow::{Context, ensure};
 
 use crate::commands::stopped;
-use crate::commands::train::MODEL;
 
 /// A run of this program, with its folder.
 pub(super) struct Job {
+    /// Its `--out`.
     pub(super) out: PathBuf,
     pub(super) words: Vec<String>,
 }
@@ -20,14 +20,13 @@ pub(super) struct Runs {
 }
 
 impl Runs {
-    /// Runs all jobs whose folders hold no model yet, some at a time.
+    /// Runs all jobs, some at a time.
     pub(super) fn all(&self, jobs: &[Job]) -> anyhow::Result<()> {
-        let waiting: Vec<&Job> = jobs.iter().filter(|job| !job.out.join(MODEL).is_file()).collect();
-        let next = Mutex::new(waiting.iter());
+        let next = Mutex::new(jobs.iter());
         let program = std::env::current_exe().context("cannot find this program")?;
         let work = || -> anyhow::Result<()> {
             loop {
-                let job = next.lock().ok().and_then(|mut jobs| jobs.next().copied());
+                let job = next.lock().ok().and_then(|mut jobs| jobs.next());
                 let Some(job) = job else { return Ok(()) };
                 job.run(&program)?;
             }

@@ -52,9 +52,9 @@ pub(super) struct Maps {
 #[derive(Debug)]
 pub(super) struct Entry {
     pub(super) objects: Vec<usize>,
-    action: Option<usize>,
-    target: Option<usize>,
-    setup: Setup,
+    pub(super) action: Option<usize>,
+    pub(super) target: Option<usize>,
+    pub(super) setup: Setup,
 }
 
 /// The file, as far as it matters here.
@@ -93,6 +93,8 @@ struct Drawn {
     distance_m: f32,
     bearing_deg: f32,
     facing_deg: f32,
+    #[serde(default)]
+    setup: Option<usize>,
 }
 
 #[derive(Debug, Deserialize)]
@@ -205,6 +207,7 @@ impl Entry {
                     facing_deg: drawn.facing_deg,
                 },
                 interaction_s: [0.0; 2],
+                number: drawn.setup,
             },
         })
     }

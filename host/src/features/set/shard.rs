@@ -14,17 +14,14 @@ use rfhoi_shared::tag::{Epc, TagRead};
 use rfhoi_shared::units::{
     AntennaPort, BridgeTime, CentiDbm, ChannelIndex, DopplerCode, Kilohertz, PhaseCode,
 };
-use rfhoi_shared::wire::{Covariance, FrameInfo, HopTable};
 
 use super::manifest::{Manifest, Maps};
 use super::{Measured, SetError};
-use crate::align::{self, FrameStream};
-use crate::features::{FrameFeatures, Settings};
+use crate::align;
+use crate::features::Settings;
+use crate::features::passage::{Passage, put_map, put_moving};
 use crate::jobs::Jobs;
 use crate::receive::{HeatMap, RadarFrame};
-
-/// From a read to the packet that carries it, us.
-const REPORTED_US: u64 = 4_000;
 
 /// Arrays of a shard.
 pub(super) struct Shard<'a> {
@@ -165,37 +162,18 @@ impl<'a> Shard<'a> {
     ) -> Result<Frames, SetError> {
         let epcs = (0..self.manifest.tags()).map(epc).collect::<Option<_>>();
         let tags = epcs.ok_or_else(|| self.wrong("it has too many tags".to_owned()))?;
-        let radar = &stream.radar;
-        let mut run = Run {
-            epoch: self.manifest.epoch,
-            features: settings.frame_features(radar),
-            frames: Frames::new(settings.points, self.manifest.tags(), settings.antennas),
-            stream: FrameStream::new(align::Settings { tags, ..stream.clone() })?,
-        };
-        let channels = self.channel_khz.row(sample).iter().map(|&khz| Kilohertz(khz)).collect();
-        run.stream.push_hop_table(&HopTable { table: 1, channels });
-        let mut reads = span(&self.read_first, sample).map(|place| self.read_at(place)).peekable();
-        let mut frame = RadarFrame::default();
+        let passage =
+            Passage::new(self.manifest.epoch, align::Settings { tags, ..stream.clone() }, settings)?;
+        let channels = self.channel_khz.row(sample);
+        let reads = span(&self.read_first, sample).map(|place| self.read_at(place));
         let places = span(&self.frame_first, sample);
-        let count = places.len();
-        let period_us = u64::from(radar.profile.frame_period_us);
-        for (number, place) in places.enumerate() {
-            let begin = self.manifest.epoch.after(number as u64 * period_us);
-            while let Some(read) = reads.next_if(|read| read.time.after(REPORTED_US) <= begin) {
-                run.read(read);
-            }
-            self.frame_at(place, &stream.radar, &mut frame);
-            (frame.frame, frame.time) = (number as u32, begin);
-            run.stream.push_frame(&frame);
-        }
-        reads.for_each(|read| run.read(read));
-        run.stream.finish();
-        run.collect();
-        if run.frames.len() == count {
-            Ok(run.frames)
+        let (first, count) = (places.start, places.len());
+        let fill = |number, frame: &mut RadarFrame| self.frame_at(first + number, &stream.radar, frame);
+        let frames = passage.pass(channels.iter().map(|&khz| Kilohertz(khz)), reads, count, fill);
+        if frames.len() == count {
+            Ok(frames)
         } else {
-            Err(self
-                .wrong(format!("sample {sample} has {count} frames, of which {} came out", run.frames.len())))
+            Err(self.wrong(format!("sample {sample} has {count} frames, of which {} came out", frames.len())))
         }
     }
 
@@ -217,55 +195,13 @@ impl<'a> Shard<'a> {
         let RadarConfig { profile, processing, .. } = radar;
         let put = |map: &mut Option<HeatMap>, codes: ArrayView2<'_, u8>| {
             let (rows, columns) = codes.dim();
-            let map = map.get_or_insert_with(|| HeatMap {
-                gate: RangeGate { bins: rows as u16, ..processing.gate },
-                columns,
-                scale: self.manifest.maps.scale,
-                codes: Vec::new(),
-                arrived: vec![true; rows],
-            });
-            map.codes.clear();
-            map.codes.extend(codes);
+            let gate = RangeGate { bins: rows as u16, ..processing.gate };
+            put_map(map, gate, columns, self.manifest.maps.scale, codes.iter().copied());
         };
         put(&mut frame.range_doppler, self.range_doppler.index_axis(Axis(0), place));
         put(&mut frame.range_time, self.range_time.index_axis(Axis(0), place));
-        let packed = self.covariance.row(place).iter().copied().collect();
-        frame.covariance = Some(Covariance { frame: 0, antennas: profile.virtual_count() as u8, packed });
-        frame.info = Some(FrameInfo {
-            profile: profile.fingerprint(),
-            chirps: profile.chirps_per_frame(),
-            moving_cells: self.moving_cells[place],
-            ..FrameInfo::default()
-        });
-    }
-}
-
-/// A sample on its way through the stream.
-struct Run {
-    epoch: BridgeTime,
-    stream: FrameStream,
-    features: FrameFeatures,
-    frames: Frames,
-}
-
-impl Run {
-    fn read(&mut self, read: TagRead) {
-        let sent = read.time.after(REPORTED_US);
-        self.stream.push_reads(&[read], sent);
-        self.stream.advance(sent);
-        self.collect();
-    }
-
-    /// Takes the frames that are complete. Those of the lead-in only tell how strong the tags usually are.
-    fn collect(&mut self) {
-        while let Some(frame) = self.stream.next() {
-            if frame.begin >= self.epoch {
-                self.frames.push(self.features.frame(&frame));
-            } else {
-                self.features.watch(&frame);
-            }
-            self.stream.recycle(frame);
-        }
+        let packed = self.covariance.row(place);
+        put_moving(frame, profile, self.moving_cells[place], packed.iter().copied());
     }
 }
 

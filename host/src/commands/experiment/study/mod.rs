@@ -1,0 +1,109 @@
+//! The paper's section 5 on simulated data: studies of what changes accuracy, each a table by one command.
+//!
+//! ```text
+//! sets --listings--> [studies] --arms, runs--> [plan] --run.json, each in a process of its own--> [run] --result.json-->
+//!   [table] --> NAME.json, NAME.txt --> [report], [picture] --> README.md, NAME.svg
+//! ```
+//!
+//! A run's folder is named after all that decides it, so studies share runs, and what was done is not done again. A folder
+//! holds what was learnt from and tested on by number: `run.json`.
+
+mod picture;
+mod plan;
+mod report;
+mod run;
+mod sets;
+mod studies;
+mod table;
+
+use std::path::PathBuf;
+
+use anyhow::{Context, ensure};
+use clap::Args;
+use rfhoi::atomic;
+
+pub(super) use report::Report;
+pub(super) use run::RunArgs;
+pub(super) use sets::Sets;
+pub(super) use studies::Name;
+
+use super::runs::{Job, Runs, cores, path};
+use crate::commands::listen_for_ctrl_c;
+use plan::{Plan, Scale};
+use table::Table;
+
+/// How large the studies of a folder were.
+const SCALE: &str = "scale.json";
+
+/// Options of every study.
+#[derive(Debug, Args)]
+pub(super) struct StudyArgs {
+    /// Folder of the data sets, as `rfhoi experiment sets` makes them.
+    #[arg(long, value_name = "DIR")]
+    sets: PathBuf,
+    /// Folder for all runs and the tables; what is there already is not done again.
+    #[arg(long, value_name = "DIR")]
+    out: PathBuf,
+    /// Random draws of each training.
+    #[arg(long, default_value_t = 3, value_parser = clap::value_parser!(u64).range(1..=100))]
+    seeds: u64,
+    /// Trainings at a time; by default one for each core.
+    #[arg(long)]
+    workers: Option<usize>,
+    /// One epoch of a tiny network on a few samples: shows that everything runs, not what it reaches.
+    #[arg(long)]
+    quick: bool,
+    /// Epochs of pre-training, of fine-tuning, and of training from scratch.
+    #[arg(long, num_args = 3, value_names = ["PRE", "FINE", "SCRATCH"])]
+    epochs: Option<Vec<u32>>,
+    /// Simulated samples to pre-train on, at most.
+    #[arg(long, value_name = "SAMPLES")]
+    pre_training: Option<usize>,
+}
+
+impl StudyArgs {
+    fn scale(&self) -> Scale {
+        let mut scale = if self.quick { Scale::quick() } else { Scale::full() };
+        scale.seeds = if self.quick { 1 } else { self.seeds };
+        if let Some([pre, fine, scratch]) = self.epochs.as_deref() {
+            (scale.pre_epochs, scale.fine_epochs, scale.scratch_epochs) = (*pre, *fine, *scratch);
+        }
+        scale.pre_samples = self.pre_training.unwrap_or(scale.pre_samples);
+        scale
+    }
+
+    /// Does all that `names` need and writes their tables.
+    pub(super) fn run(&self, names: &[Name], json: bool) -> anyhow::Result<()> {
+        listen_for_ctrl_c()?;
+        let mut plan = Plan::new(&self.sets, self.scale())?;
+        let studies = names.iter().map(|name| name.study(&mut plan)).collect::<anyhow::Result<Vec<_>>>()?;
+        let folder = self.out.join("runs");
+        let runs = Runs { workers: self.workers.unwrap_or_else(cores) };
+        for wave in plan.waves() {
+            let mut jobs = Vec::new();
+            for run in wave {
+                let out = folder.join(run.folder());
+                if run.is_done(&out) {
+                    continue;
+                }
+                run.write(&out)?;
+                let words = ["experiment", "run", "--sets"].map(String::from).into_iter();
+                let words = words.chain([path(&self.sets)]).collect();
+                jobs.push(Job { out, words });
+            }
+            runs.all(&jobs)?;
+        }
+        for study in &studies {
+            let table = Table::of(study, &folder)?;
+            ensure!(!table.rows.is_empty(), "{} has nothing to compare", study.name);
+            table.write(&self.out)?;
+            if json {
+                println!("{}", serde_json::to_string(&table)?);
+            } else {
+                println!("{}", table.text());
+            }
+        }
+        let scale = serde_json::to_vec_pretty(&self.scale())?;
+        atomic::write(self.out.join(SCALE), &scale).context("cannot write how large it was")
+    }
+}

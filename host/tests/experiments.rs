@@ -1,0 +1,82 @@
+//! Every study in its quick form: one epoch of a tiny network on a few simulated samples. It says nothing of accuracy.
+#![cfg(feature = "train")]
+
+use std::path::Path;
+use std::process::{Command, Output};
+
+use serde_json::Value;
+
+fn rfhoi(words: &[&str]) -> Output {
+    let run = Command::new(env!("CARGO_BIN_EXE_rfhoi")).args(words).output().expect("it runs");
+    assert!(run.status.success(), "{words:?}: {}", String::from_utf8_lossy(&run.stderr));
+    run
+}
+
+fn table(out: &Path, name: &str) -> Value {
+    serde_json::from_slice(&std::fs::read(out.join(name).with_extension("json")).unwrap()).unwrap()
+}
+
+/// Started runs, as they are told.
+fn started(run: &Output) -> usize {
+    String::from_utf8_lossy(&run.stderr)
+        .lines()
+        .filter(|line| line.starts_with("rfhoi experiment run"))
+        .count()
+}
+
+#[test]
+fn all_studies_run_and_nothing_is_done_twice() {
+    let folder = tempfile::tempdir().unwrap();
+    let (sets, out) = (folder.path().join("sets"), folder.path().join("out"));
+    let (sets, results) = (sets.to_str().unwrap(), out.to_str().unwrap());
+    rfhoi(&["experiment", "sets", "--quick", "--out", sets]);
+    let words = ["--quick", "--sets", sets, "--out", results];
+    // The first alone, so that those that share its runs find them.
+    let modality = rfhoi(&[&["experiment", "modality"][..], &words].concat());
+    // Four networks, each pre-trained once and fine-tuned on four shares.
+    assert_eq!(started(&modality), 4 + 4 * 4);
+    let rows = table(&out, "modality")["rows"].as_array().unwrap().clone();
+    assert_eq!(rows.len(), 16);
+    for row in &rows {
+        let [mean, low, high] = ["mean", "low", "high"].map(|key| row["hoi"][key].as_f64().unwrap());
+        assert!(low <= mean && mean <= high && high <= 100.0, "{row}");
+        assert_eq!(row["at"] == 100.0, !row["int8"].is_null(), "{row}");
+    }
+    let all = rfhoi(&[&["experiment", "all"][..], &words].concat());
+    assert!(started(&all) > 30, "{}", started(&all));
+    let text = String::from_utf8_lossy(&all.stdout);
+    for study in [
+        "modality",
+        "pre-training",
+        "setups",
+        "factors",
+        "pairs",
+        "objects",
+        "fusion",
+        "encoders",
+        "antennas",
+        "loss-weight",
+        "synthetic",
+        "occlusion",
+        "second-person",
+        "fine-tuning",
+    ] {
+        let table = table(&out, study);
+        assert_eq!(table["simulated"], true);
+        assert!(text.contains(table["title"].as_str().unwrap()), "{study}");
+        assert!(table["rows"].as_array().unwrap().iter().all(|row| row["hoi"]["samples"].as_u64() > Some(0)));
+    }
+    let again = rfhoi(&[&["experiment", "all"][..], &words].concat());
+    assert_eq!(started(&again), 0);
+    assert_eq!(again.stdout, all.stdout);
+}
+
+#[test]
+fn what_is_missing_is_said() {
+    let folder = tempfile::tempdir().unwrap();
+    let words = ["experiment", "fusion", "--sets", "nowhere", "--out", folder.path().to_str().unwrap()];
+    let run = Command::new(env!("CARGO_BIN_EXE_rfhoi")).args(words).output().unwrap();
+    assert_eq!(run.status.code(), Some(1));
+    let error = String::from_utf8_lossy(&run.stderr);
+    assert!(error.contains("nowhere/train is needed: `rfhoi experiment sets --out nowhere`"), "{error}");
+}
