@@ -21,11 +21,11 @@ fn onnxruntime_agrees() {
         println!("SKIPPED: {} lacks numpy, onnx or onnxruntime", python.display());
         return;
     }
-    let mut stacked = NetworkConfig::small(32);
-    stacked.radar.stack = 2;
+    let mut frame_by_frame = NetworkConfig::small(32);
+    frame_by_frame.radar.stack = 1;
     let shapes = [
         NetworkConfig::small(32),
-        stacked,
+        frame_by_frame,
         NetworkConfig { fusion: Fusion::None, ..NetworkConfig::small(32) },
         NetworkConfig { fusion: Fusion::Rfid, ..NetworkConfig::small(32) },
     ];

@@ -78,5 +78,5 @@ fn what_is_missing_is_said() {
     let run = Command::new(env!("CARGO_BIN_EXE_rfhoi")).args(words).output().unwrap();
     assert_eq!(run.status.code(), Some(1));
     let error = String::from_utf8_lossy(&run.stderr);
-    assert!(error.contains("nowhere/train is needed: `rfhoi experiment sets --out nowhere`"), "{error}");
+    assert!(error.contains("nowhere/site is needed: `rfhoi experiment sets --out nowhere`"), "{error}");
 }

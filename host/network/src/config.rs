@@ -223,8 +223,9 @@ impl NetworkConfig {
             name_dimensions,
             encoder: Encoder::Patches { size: 4, channels: 8 },
             beams: None,
-            radar: branch(64, 2, 1),
-            tags: branch(64, 2, 2),
+            // Tokens of 0.2 and 0.3 s: half as many as with 0.1 and 0.2 s, as accurate, and a third faster.
+            radar: branch(64, 2, 2),
+            tags: branch(64, 2, 3),
             fusion: Fusion::Concat,
             actions: ACTIONS,
             dropout: 0.1,

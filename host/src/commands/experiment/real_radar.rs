@@ -7,7 +7,7 @@ use clap::Args;
 use rfhoi::atomic;
 use rfhoi::real::Real;
 use rfhoi::real::radar::{self, Clip, Recordings};
-use rfhoi_network::config::{Fusion, NetworkConfig};
+use rfhoi_network::config::{Branch, Fusion, NetworkConfig};
 use rfhoi_network::sample::{Frames, Sample};
 use rfhoi_network::train::{Augment, Recipe};
 use serde_json::{Value, json};
@@ -175,13 +175,16 @@ impl RealRadar {
 }
 
 fn config(maps: [bool; 3], actions: usize) -> NetworkConfig {
+    let small = NetworkConfig::small(1);
     NetworkConfig {
         points: radar::POINTS,
         maps,
         antennas: 1,
+        // Frame by frame: one of the tasks is a label for each.
+        radar: Branch { stack: 1, ..small.radar },
         fusion: Fusion::Radar,
         actions,
-        ..NetworkConfig::small(1)
+        ..small
     }
 }
 

@@ -10,7 +10,8 @@ use crate::commands::stopped;
 
 /// A run of this program, with its folder.
 pub(super) struct Job {
-    /// Its `--out`.
+    /// What it is told its folder with: `--out` or `--set`.
+    pub(super) option: &'static str,
     pub(super) out: PathBuf,
     pub(super) words: Vec<String>,
 }
@@ -44,14 +45,14 @@ impl Runs {
 impl Job {
     fn run(&self, program: &Path) -> anyhow::Result<()> {
         ensure!(!stopped(), "stopped; the same command goes on from there");
-        let line = format!("rfhoi {} --out {}", self.words.join(" "), self.out.display());
+        let line = format!("rfhoi {} {} {}", self.words.join(" "), self.option, self.out.display());
         eprintln!("{line}");
         std::fs::create_dir_all(&self.out)
             .with_context(|| format!("cannot make the folder {}", self.out.display()))?;
         let log = std::fs::File::create(self.out.join("log.txt")).context("cannot write a log")?;
         let status = Command::new(program)
             .args(&self.words)
-            .arg("--out")
+            .arg(self.option)
             .arg(&self.out)
             // Several at a time: each has a core.
             .env("RAYON_NUM_THREADS", "1")

@@ -89,7 +89,7 @@ impl StudyArgs {
                 run.write(&out)?;
                 let words = ["experiment", "run", "--sets"].map(String::from).into_iter();
                 let words = words.chain([path(&self.sets)]).collect();
-                jobs.push(Job { out, words });
+                jobs.push(Job { option: "--out", out, words });
             }
             runs.all(&jobs)?;
         }

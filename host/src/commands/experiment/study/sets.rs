@@ -65,7 +65,7 @@ impl Sets {
             let mut words = vec!["simulate".to_owned()];
             words.extend(recipe.words.split(' ').map(str::to_owned));
             words.extend(["--count".into(), recipe.samples[usize::from(self.quick)].to_string()]);
-            Job { out: self.out.join(recipe.name), words }
+            Job { option: "--set", out: self.out.join(recipe.name), words }
         });
         Runs { workers: 1 }.all(&jobs)
     }
