@@ -69,6 +69,15 @@ fn all_studies_run_and_nothing_is_done_twice() {
     let again = rfhoi(&[&["experiment", "all"][..], &words].concat());
     assert_eq!(started(&again), 0);
     assert_eq!(again.stdout, all.stdout);
+    let evening = Path::new(env!("CARGO_MANIFEST_DIR")).join("../tests/recordings/evening.pcap.gz");
+    rfhoi(&["experiment", "latency", evening.to_str().unwrap(), "--out", results]);
+    let latency: Value = serde_json::from_slice(&std::fs::read(out.join("latency.json")).unwrap()).unwrap();
+    assert_eq!((&latency["tags"], &latency["models"][0]["window_frames"]), (&6.into(), &60.into()));
+    rfhoi(&["experiment", "report", "--out", results]);
+    let page = std::fs::read_to_string(out.join("README.md")).unwrap();
+    assert_eq!(page.matches("](").count(), 14, "a picture of each study");
+    assert!(page.contains("All data here are simulated") && page.contains("network, int8: answer"));
+    assert!(out.join("second-person.svg").metadata().unwrap().len() > 1000);
 }
 
 #[test]

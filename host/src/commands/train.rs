@@ -489,8 +489,8 @@ impl Finetune {
         let history = self.out.join(HISTORY);
         let mut live = Live::new("fine-tuning", Some(history.clone()), &[])?;
         let folder = Folder(self.out.join("run"));
-        let tuned =
-            learn::tune(&from, &data, &split, &others, &recipe, &command(), Some(&folder), &mut live)?;
+        let lesson = learn::Lesson { data: &data, split: &split, beside: &others };
+        let tuned = learn::tune(&from, lesson, &recipe, &command(), Some(&folder), &mut live)?;
         drop(live);
         let path = self.out.join(MODEL);
         save(&tuned.model, &path)?;

@@ -16,7 +16,7 @@ pub use data::{Data, DataError, load};
 pub use measure::{MeasureError, answers, answers_with, calibrate, least, metrics};
 pub use split::{Split, random_split};
 pub use time::{Timing, WINDOW, time};
-pub use tune::tune;
+pub use tune::{Lesson, tune};
 
 /// Samples from which an int8 network learns its scales.
 pub const CALIBRATION_SAMPLES: usize = 128;

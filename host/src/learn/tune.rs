@@ -10,16 +10,25 @@ use super::{Data, LEAST_PROBABILITY, Split, calibrate};
 /// Share of the samples to learn from that is held back to learn how much probabilities are to be believed.
 const HELD_BACK: f64 = 0.1;
 
-/// Tunes `from` on the part of `data` that is to be learnt from, and on some of `beside` as [`Recipe::beside`] says, whose objects
-/// have the same numbers. A tenth of that part is held back: from it comes the temperature of the model's probabilities.
+/// What is learnt from in tuning.
+#[derive(Debug, Clone, Copy)]
+pub struct Lesson<'a> {
+    /// The set.
+    pub data: &'a Data,
+    /// Which of its samples.
+    pub split: &'a Split,
+    /// Samples of another set, as [`Recipe::beside`] says, whose objects have the same numbers.
+    pub beside: &'a [&'a Sample],
+}
+
+/// Tunes `from` on a lesson. A tenth of the split's part to learn from is held back: from it comes the temperature of the model's
+/// probabilities.
 ///
 /// # Errors
 /// As [`train::train`].
 pub fn tune(
     from: &Model,
-    data: &Data,
-    split: &Split,
-    beside: &[&Sample],
+    Lesson { data, split, beside }: Lesson<'_>,
     recipe: &Recipe,
     command: &str,
     folder: Option<&Folder>,

@@ -88,11 +88,11 @@ impl Company {
         let moves = |deed: &Deed| deed.generated.stage.vertex_count() > deed.generated.stage.body_vertices();
         // Without anything that moves, any will do.
         let mut thing = deeds.iter().position(moves).unwrap_or_default();
-        for n in 0..deeds.len() {
-            if moves(&deeds[n]) {
+        for (n, deed) in deeds.iter_mut().enumerate() {
+            if moves(deed) {
                 thing = n;
             }
-            deeds[n].thing = thing;
+            deed.thing = thing;
         }
         let mut surface = first.surface().clone();
         append(&mut surface, deeds[thing].generated.surface(), first.vertex_count());

@@ -49,7 +49,7 @@ impl Scale {
     /// So small that nothing is learnt.
     pub(super) fn quick() -> Self {
         let mut network = NetworkConfig::small(1);
-        network.points = 8;
+        network.points = 16;
         for branch in [&mut network.radar, &mut network.tags] {
             (branch.width, branch.layers, branch.feed_forward) = (8, 1, 8);
         }
