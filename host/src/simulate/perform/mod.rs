@@ -1,4 +1,4 @@
-//! People who act: from a person, a place and a label, a simulated [`Performance`](super::Performance).
+//! People who act: from a person, a place and a label, a simulated [`Performance`].
 //!
 //! A script of overlapping strokes ([`Manner`]) moves the hips, the trunk and the hands; arms and legs follow by inverse
 //! kinematics, feet stay where they stand. The thing that is acted on follows the hand from grasp to release, or turns
