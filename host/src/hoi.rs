@@ -116,7 +116,7 @@ pub const CATEGORIES: [Category; 17] = {
     ]
 };
 
-/// The ten categories of objects that are not among the paper's eight (section 5.3.2).
+/// The ten categories of objects that are not among the paper's eight (section 5.4.2).
 pub const UNSEEN: [Category; 10] = {
     use {Action::*, Object::*};
     [

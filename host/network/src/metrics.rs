@@ -156,6 +156,12 @@ pub fn mean_interval(values: &[f64]) -> Option<(f64, f64)> {
     Some((mean, t * (variance / n as f64).sqrt()))
 }
 
+/// The value in the middle, of two the larger; `None` without any.
+pub fn median(mut values: Vec<f64>) -> Option<f64> {
+    values.sort_by(f64::total_cmp);
+    values.get(values.len() / 2).copied()
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -18,7 +18,7 @@ use rfhoi::simulate::effects::{Domain, Effects};
 use rfhoi::simulate::portrait::{Caption, portray};
 use rfhoi::simulate::recording;
 use rfhoi::simulate::sample::epoch;
-use rfhoi::simulate::scene::Scene;
+use rfhoi::simulate::scene::{SITE, Scene};
 use rfhoi::simulate::session::{self, Session};
 use rfhoi::simulate::set;
 use rfhoi_firmware::mmwave::cfg::{self, DemoOptions, LvdsStream};
@@ -300,7 +300,7 @@ impl Simulate {
     fn scenes(&self) -> anyhow::Result<Vec<Scene>> {
         let given: Vec<&str> = match (&self.scene[..], self.domain) {
             ([], DomainName::Train) => vec!["open-room"],
-            ([], DomainName::Site) => vec!["working-space", "storage-room", "kitchen"],
+            ([], DomainName::Site) => SITE.to_vec(),
             (given, _) => given.iter().map(String::as_str).collect(),
         };
         let load = |source: &str| -> anyhow::Result<Scene> {

@@ -3,6 +3,7 @@
 use std::time::Instant;
 
 use rfhoi_int8::Kernels;
+use rfhoi_network::metrics::median;
 use rfhoi_network::model::Model;
 use rfhoi_network::sample::Frames;
 use serde::{Deserialize, Serialize};
@@ -50,9 +51,6 @@ pub fn time(model: &Model, data: &Data, threads: usize) -> Result<Timing, Measur
         runner.answer(0..WINDOW, &names)?;
         answers.push(began.elapsed().as_secs_f64());
     }
-    let median = |mut values: Vec<f64>| {
-        values.sort_by(f64::total_cmp);
-        1e3 * values[values.len() / 2]
-    };
-    Ok(Timing { frame_ms: median(frames), answer_ms: median(answers) })
+    let median_ms = |seconds| 1e3 * median(seconds).unwrap_or(0.0);
+    Ok(Timing { frame_ms: median_ms(frames), answer_ms: median_ms(answers) })
 }

@@ -23,7 +23,7 @@ use rfhoi_network::sample::{MAX_FRAMES, Sample};
 use serde::Serialize;
 
 use self::figures::Acted;
-pub use self::figures::{Figures, median};
+pub use self::figures::Figures;
 use crate::align::AlignError;
 use crate::features::{Settings, of_sample};
 use crate::hoi::{Action, CATEGORIES, Category};

@@ -1,4 +1,4 @@
-//! Circumstances under which interactions are harder to recognise: those that the paper tries in its section 5.5.
+//! Circumstances under which interactions are harder to recognise: those that the paper tries in its section 5.6.
 //!
 //! In: one of them, or none, in [`Wanted`](super::draw::Wanted). Out: the same people, places, things and labels, performed
 //! under it. Its random numbers are a stream of their own ([`Purpose::Circumstance`]): without one, data do not change by a
@@ -24,11 +24,11 @@ use super::scene::{Place, Scene};
 /// How far what fingers take of a tag's signal is from the mean, to either side, dB: the paper gives the mean alone.
 const SPREAD_DB: f32 = 3.0;
 /// What fingers take of the signal of the tag that they cover, there and back, dB: evenly drawn, once a sample. The mean is that
-/// of the paper's section 5.5.
+/// of the paper's section 5.6.
 pub const COVERED_DB: Range<f32> = BLOCKAGE_DB as f32 - SPREAD_DB..BLOCKAGE_DB as f32 + SPREAD_DB;
-/// From the middle of a person to that of things behind them, m (section 5.5).
+/// From the middle of a person to that of things behind them, m (section 5.6).
 pub const BEHIND_M: Range<f32> = 0.20..0.50;
-/// From the person who acts to a second one, m (section 5.5).
+/// From the person who acts to a second one, m (section 5.6).
 pub const BESIDE_M: Range<f32> = 1.0..2.0;
 /// Half of a thing that lies behind a person: so far its middle is from a wall, m.
 const HALF_THING_M: f32 = 0.1;

@@ -48,7 +48,7 @@ pub struct Wanted<'a> {
     /// Whether objects are replaced where the action would be the same (algorithm 1 of the paper).
     pub expand: bool,
     /// Setups among which all samples of `site` are spread: a room, a person, a place and a direction to look in each. The
-    /// paper has 78 (section 5.1). `None` draws all of that anew for each sample.
+    /// paper has 78 (section 4.2). `None` draws all of that anew for each sample.
     pub setups: Option<u32>,
     /// What makes it harder, if anything.
     pub circumstance: Option<Circumstance>,

@@ -10,11 +10,11 @@ use rfhoi::features::Settings;
 use rfhoi::plan::instructions::Instructions;
 use rfhoi::receive::{Received, Receiver};
 use rfhoi::recognize::model::{built_in, runner, settings};
-use rfhoi::recognize::tags::TagNames;
-use rfhoi::recognize::{Recognizer, Settings as Given};
+use rfhoi::recognize::radar::Maps;
 use rfhoi::replay::packets;
 use rfhoi::{atomic, learn};
 use rfhoi_int8::Kernels;
+use rfhoi_network::metrics::median;
 use rfhoi_network::model::{Model, Precision};
 use rfhoi_network::sample::Frames;
 use rfhoi_shared::config::RadarConfig;
@@ -83,9 +83,8 @@ struct Times {
     features: Vec<f64>,
 }
 
-fn median_ms(values: &mut [f64]) -> f64 {
-    values.sort_by(f64::total_cmp);
-    1e3 * values.get(values.len() / 2).copied().unwrap_or(0.0)
+fn median_ms(seconds: Vec<f64>) -> f64 {
+    1e3 * median(seconds).unwrap_or(0.0)
 }
 
 fn seconds(work: impl FnOnce()) -> f64 {
@@ -144,11 +143,8 @@ impl Latency {
     pub(super) fn run(&self, json: bool) -> anyhow::Result<()> {
         let progress = Progress::new("timing")?;
         let names = names()?;
-        let models = [Precision::Int8, Precision::F32].map(built_in);
-        let [int8, reference] = models;
-        let (int8, reference) = (int8?, reference?);
-        let given = Given { profile: None, tags: TagNames::simulated(), least: None };
-        let radar = Recognizer::new(&int8, &names, given)?.radar().clone();
+        let (int8, reference) = (built_in(Precision::Int8)?, built_in(Precision::F32)?);
+        let radar = Maps::of(&int8.description)?.config(None)?;
         let mut all: Vec<Vec<u8>> = Vec::new();
         packets(&self.file, Some(&radar), &mut |_, packet| all.push(packet.to_vec()), &mut |share| {
             progress.show(share / 4.0)
@@ -169,7 +165,7 @@ impl Latency {
         }
         let window = kept.iter().max_by_key(|frames| frames.len());
         let window = window.context("the recording has no frames of the radar: see `rfhoi inspect`")?;
-        let mut stages = self.stages(&mut times, &radar, window.tags);
+        let mut stages = self.stages(times, &radar, window.tags);
         for (model, share) in [(&int8, 0.8), (&reference, 0.9)] {
             ensure!(progress.show(share), "stopped");
             let vectors: Vec<f32> = (0..window.tags).flat_map(|_| names.mean().iter().copied()).collect();
@@ -189,7 +185,7 @@ impl Latency {
         Ok(())
     }
 
-    fn stages(&self, times: &mut Times, radar: &RadarConfig, tags: usize) -> Stages {
+    fn stages(&self, times: Times, radar: &RadarConfig, tags: usize) -> Stages {
         let instructions = Instructions::of(&radar.profile, radar.processing.gate).total();
         Stages {
             recording: self.file.file_name().unwrap_or_default().to_string_lossy().into_owned(),
@@ -197,10 +193,10 @@ impl Latency {
             tags,
             bridge_instructions: instructions.round(),
             bridge_ms: 1e3 * instructions / BOARD_HZ,
-            receive_ms: median_ms(&mut times.receive),
-            radar_ms: median_ms(&mut times.radar),
-            reads_ms: median_ms(&mut times.reads),
-            features_ms: median_ms(&mut times.features),
+            receive_ms: median_ms(times.receive),
+            radar_ms: median_ms(times.radar),
+            reads_ms: median_ms(times.reads),
+            features_ms: median_ms(times.features),
             kernels: Kernels::best().level().to_string(),
             models: Vec::new(),
         }
@@ -224,7 +220,7 @@ impl Stages {
             runner.answer(0..count, vectors)?;
             answers.push(began.elapsed().as_secs_f64());
         }
-        let (frame_ms, answer_ms) = (median_ms(&mut pushes), median_ms(&mut answers));
+        let (frame_ms, answer_ms) = (median_ms(pushes), median_ms(answers));
         let before = self.receive_ms + self.radar_ms + self.reads_ms + self.features_ms;
         Ok(OfModel {
             precision: model.description.precision.name(),

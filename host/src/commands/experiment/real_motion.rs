@@ -9,22 +9,19 @@ use clap::Args;
 use rfhoi::hoi::Object;
 use rfhoi::real::motion::{self, Kind, Listed, Performed, Seen, Situations};
 use rfhoi::recognize::model::built_in;
-use rfhoi::recognize::tags::TagNames;
-use rfhoi::recognize::{Recognizer, Settings as Given};
-use rfhoi::simulate::scene::Scene;
+use rfhoi::recognize::radar::Maps;
+use rfhoi::simulate::scene::{SITE, Scene};
 use rfhoi::{atomic, learn};
 use rfhoi_network::metrics::tuple_probability;
 use rfhoi_network::model::{Model, Precision};
-use rfhoi_network::names::Names;
 use rfhoi_network::sample::{Answer, Sample};
 use serde::Serialize;
 
 use self::table::Row;
+use super::runs::cores;
 use crate::commands::Progress;
 use crate::commands::train::{model, names, settings};
 
-/// The rooms of the simulated site.
-const SCENES: [&str; 3] = ["working-space", "storage-room", "kitchen"];
 /// Share of the work that is not the network's.
 const SIMULATING: f64 = 0.9;
 
@@ -109,8 +106,7 @@ impl RealMotion {
             None => (built_in(Precision::Int8)?, "built in, int8".to_owned()),
         };
         let names = names()?;
-        let scenes = scenes(&model, &names)?;
-        let cores = || std::thread::available_parallelism().map_or(1, usize::from);
+        let scenes = scenes(&model)?;
         let situations = Situations {
             scenes: &scenes,
             seed: self.seed,
@@ -227,11 +223,9 @@ fn is_right(answer: &Answer, sample: &Sample) -> bool {
 }
 
 /// The rooms, if the model is for their radar.
-fn scenes(model: &Model, names: &Names) -> anyhow::Result<Vec<Scene>> {
-    let given = Given { profile: None, tags: TagNames::simulated(), least: None };
-    let recognizer = Recognizer::new(model, names, given)?;
-    let radar = recognizer.radar();
-    let scenes = SCENES.map(Scene::load).into_iter().collect::<Result<Vec<_>, _>>()?;
+fn scenes(model: &Model) -> anyhow::Result<Vec<Scene>> {
+    let radar = Maps::of(&model.description)?.config(None)?;
+    let scenes = SITE.map(Scene::load).into_iter().collect::<Result<Vec<_>, _>>()?;
     for scene in &scenes {
         ensure!(
             scene.radar.profile.fingerprint() == radar.profile.fingerprint()

@@ -3,6 +3,7 @@
 use std::ops::Range;
 
 use rfhoi_firmware::dsp::level;
+use rfhoi_network::metrics::median;
 use rfhoi_shared::radar::RadarProfile;
 use serde::Serialize;
 
@@ -128,10 +129,4 @@ fn fastest_bin(measured: &Sample) -> usize {
     let least = top.saturating_sub((COUNTS_DB / level::SCALE.step_db) as u8);
     let counts = codes().filter(|&(_, &code)| code > least);
     counts.map(|(cell, _)| (cell % loops).abs_diff(loops / 2)).max().unwrap_or(0)
-}
-
-/// The middle value; the upper of two. `None` of no values.
-pub fn median(mut values: Vec<f64>) -> Option<f64> {
-    values.sort_by(f64::total_cmp);
-    values.get(values.len() / 2).copied()
 }

@@ -34,6 +34,9 @@ pub const SAMPLE_TAGS: usize = 6;
 
 /// Rooms that come with the program: the paper's three (few, medium and rich multipath; its section 4.2), and a hall
 /// without anything, with other people.
+/// The paper's.
+pub const SITE: [&str; 3] = ["working-space", "storage-room", "kitchen"];
+/// All.
 pub const NAMES: [&str; 4] = ["working-space", "storage-room", "kitchen", "open-room"];
 const ROOMS: [&str; 4] = [
     include_str!("../../../scenes/working-space.toml"),

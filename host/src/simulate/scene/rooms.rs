@@ -1,6 +1,6 @@
 //! Rooms drawn from random numbers: other walls, furniture and people around the radar, the reader and the tags of a scene.
 //!
-//! What is trained in one room learns that room's echoes (section 5.5 of the paper); what is trained in many learns what they
+//! What is trained in one room learns that room's echoes (section 2.2 of the paper); what is trained in many learns what they
 //! have in common.
 
 use std::ops::Range;

@@ -3,8 +3,7 @@
 use std::collections::BTreeMap;
 
 use rfhoi::hoi::Action;
-use rfhoi::real::motion::median;
-use rfhoi_network::metrics::{Metrics, Share};
+use rfhoi_network::metrics::{Metrics, Share, median};
 use serde::Serialize;
 
 use super::{Compared, Pair, is_right};

@@ -17,6 +17,8 @@ use crate::commands::train::names;
 /// How large studies are.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub(super) struct Scale {
+    /// Whether it is [`Self::quick`].
+    pub(super) quick: bool,
     /// The network that all others are changes of.
     pub(super) network: NetworkConfig,
     /// Samples to pre-train on.
@@ -36,6 +38,7 @@ pub(super) const USUAL: f64 = 0.67;
 impl Scale {
     pub(super) fn full() -> Self {
         Self {
+            quick: false,
             // Names have as many dimensions as they have; see `Plan::new`.
             network: NetworkConfig::small(1),
             pre_samples: 6_000,
@@ -53,7 +56,15 @@ impl Scale {
         for branch in [&mut network.radar, &mut network.tags] {
             (branch.width, branch.layers, branch.feed_forward) = (8, 1, 8);
         }
-        Self { network, pre_samples: 24, pre_epochs: 1, fine_epochs: 1, scratch_epochs: 1, seeds: 1 }
+        Self {
+            quick: true,
+            network,
+            pre_samples: 24,
+            pre_epochs: 1,
+            fine_epochs: 1,
+            scratch_epochs: 1,
+            seeds: 1,
+        }
     }
 }
 

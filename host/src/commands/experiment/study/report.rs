@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 use anyhow::{Context, ensure};
 use clap::Args;
 use rfhoi::atomic;
+use serde_json::Value;
 
 use super::picture::picture;
 use super::studies::Name;
@@ -72,25 +73,27 @@ impl Report {
 
 /// The commands that made the tables.
 fn made_by(out: &Path) -> anyhow::Result<String> {
-    let scale = out.join(super::SCALE);
-    let text = std::fs::read_to_string(&scale).unwrap_or_else(|_| "{}".to_owned());
-    let scale: serde_json::Value =
-        serde_json::from_str(&text).with_context(|| format!("{} is damaged", scale.display()))?;
-    let value = |key: &str| scale[key].to_string();
+    let path = out.join(super::SCALE);
+    let text = std::fs::read(&path).with_context(|| {
+        format!("cannot read {}, which the studies leave beside their tables", path.display())
+    })?;
+    let scale: Value =
+        serde_json::from_slice(&text).with_context(|| format!("{} is damaged", path.display()))?;
+    let [seeds, pre, fine, scratch, samples] =
+        ["seeds", "pre_epochs", "fine_epochs", "scratch_epochs", "pre_samples"].map(|key| &scale[key]);
+    let (quick, size) = match scale["quick"] == true {
+        true => (" --quick", " --quick".to_owned()),
+        false => ("", format!(" --seeds {seeds} --epochs {pre} {fine} {scratch} --pre-training {samples}")),
+    };
     Ok(format!(
         "
 ```
 cargo build --release -p rfhoi --features train
-rfhoi experiment sets --out SETS
-rfhoi experiment all --sets SETS --out RESULTS --seeds {} --epochs {} {} {} --pre-training {}
+rfhoi experiment sets --out SETS{quick}
+rfhoi experiment all --sets SETS --out RESULTS{size}
 rfhoi experiment report --out RESULTS
 ```
-",
-        value("seeds"),
-        value("pre_epochs"),
-        value("fine_epochs"),
-        value("scratch_epochs"),
-        value("pre_samples"),
+"
     ))
 }
 

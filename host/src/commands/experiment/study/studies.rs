@@ -9,6 +9,7 @@ use rfhoi_network::config::{Beams, Fusion, NetworkConfig, Temporal};
 use rfhoi_network::train::Recipe;
 
 use super::plan::{Before, Plan, USUAL};
+use super::run::Test;
 use super::sets;
 use super::table::{Arm, At, Study};
 
@@ -103,6 +104,19 @@ fn seeds(plan: &Plan) -> std::ops::RangeInclusive<u64> {
     1..=plan.scale.seeds
 }
 
+/// Learns `network` from samples once, and tests it; gives the run's folder and the key of its test.
+fn once(
+    plan: &mut Plan,
+    network: &NetworkConfig,
+    before: Before,
+    learn: (&'static str, Vec<usize>),
+    test: Test,
+    change: impl FnOnce(&mut Recipe),
+) -> anyhow::Result<(String, String)> {
+    let key = test.key();
+    Ok((plan.learn(network, before, learn, vec![test], change)?, key))
+}
+
 /// The site's samples, of which a share of those to be learnt from is learnt, once with each seed.
 fn on_site(
     plan: &mut Plan,
@@ -115,13 +129,11 @@ fn on_site(
         .map(|seed| {
             let split = plan.split(sets::SITE, seed)?;
             let test = plan.test("site", sets::SITE, split.test)?;
-            let key = test.key();
             let learn = (sets::SITE, first(&split.learn, share));
-            let change = |recipe: &mut Recipe| {
+            once(plan, network, before, learn, test, |recipe| {
                 recipe.seed = seed;
                 change(recipe);
-            };
-            Ok((plan.learn(network, before, learn, vec![test], change)?, key))
+            })
         })
         .collect()
 }
@@ -194,9 +206,7 @@ fn setups(plan: &mut Plan) -> anyhow::Result<Study> {
                 let learn = seen.iter().flat_map(|&setup| of(setup).take(OF_A_SETUP)).collect();
                 let others = order[seen.len()..].iter().flat_map(|&setup| of(setup)).collect();
                 let test = plan.test("unseen setups", sets::SETUPS, others)?;
-                let key = test.key();
-                let learn = (sets::SETUPS, learn);
-                runs.push((plan.learn(&network, before, learn, vec![test], |r| r.seed = seed)?, key));
+                runs.push(once(plan, &network, before, (sets::SETUPS, learn), test, |r| r.seed = seed)?);
             }
             arms.push(Arm { series: series.into(), at: At::Number(seen as f64), runs, paper: None });
         }
@@ -239,9 +249,7 @@ fn factors(plan: &mut Plan) -> anyhow::Result<Study> {
                     }
                     let test = split.test.into_iter().filter(|&n| has(&samples[n])).collect();
                     let test = plan.test(name, sets::SITE, test)?;
-                    let key = test.key();
-                    let learn = (sets::SITE, learn);
-                    runs.push((plan.learn(&network, before, learn, vec![test], |r| r.seed = seed)?, key));
+                    runs.push(once(plan, &network, before, (sets::SITE, learn), test, |r| r.seed = seed)?);
                 }
                 let series = format!("{way}, {}", if seen { "seen" } else { "unseen" });
                 arms.push(Arm { series, at: At::Label(name.into()), runs, paper: None });
@@ -291,9 +299,7 @@ fn pairs(plan: &mut Plan) -> anyhow::Result<Study> {
                 let learn = split.learn.into_iter().filter(|&n| !is_of(&samples[n], &out)).collect();
                 let test = split.test.into_iter().filter(|&n| is_of(&samples[n], &out)).collect();
                 let test = plan.test("unseen pairs", sets::SITE, test)?;
-                let key = test.key();
-                let learn = (sets::SITE, learn);
-                runs.push((plan.learn(&network, before, learn, vec![test], |r| r.seed = seed)?, key));
+                runs.push(once(plan, &network, before, (sets::SITE, learn), test, |r| r.seed = seed)?);
             }
             let paper = (count == 5 && before == Before::PreTrained).then_some(81.25);
             arms.push(Arm { series: series.into(), at: At::Number(count as f64), runs, paper });
@@ -474,10 +480,8 @@ fn elsewhere(
         for seed in seeds(plan) {
             let split = plan.split(sets::SITE, seed)?;
             let test = plan.test(label, set, samples.clone())?;
-            let key = test.key();
             let learn = (sets::SITE, split.learn);
-            let folder = plan.learn(&network, Before::PreTrained, learn, vec![test], |r| r.seed = seed)?;
-            runs.push((folder, key));
+            runs.push(once(plan, &network, Before::PreTrained, learn, test, |r| r.seed = seed)?);
         }
         arms.push(Arm { series: "HOI".into(), at: At::Label(label.into()), runs, paper: None });
     }

@@ -4,7 +4,7 @@ use std::path::Path;
 
 use anyhow::{Context, ensure};
 use rfhoi::atomic;
-use rfhoi_network::metrics::{Metrics, Share, mean_interval};
+use rfhoi_network::metrics::{Metrics, Share, mean_interval, median};
 use serde::{Deserialize, Serialize};
 
 use super::run::Reached;
@@ -124,11 +124,6 @@ impl std::fmt::Display for At {
     }
 }
 
-fn median(mut values: Vec<f64>) -> f64 {
-    values.sort_by(f64::total_cmp);
-    values.get(values.len() / 2).copied().unwrap_or(f64::NAN)
-}
-
 impl Row {
     fn of(arm: &Arm, folder: &Path) -> anyhow::Result<Self> {
         let reached = arm.runs.iter().map(|(run, key)| {
@@ -142,7 +137,8 @@ impl Row {
         let mean = |share: fn(&Metrics) -> Share| {
             Mean::of(&reached.iter().map(|(_, metrics)| share(metrics)).collect::<Vec<_>>())
         };
-        let seconds = median(reached.iter().map(|(reached, _)| reached.seconds).collect());
+        let seconds =
+            median(reached.iter().map(|(reached, _)| reached.seconds).collect()).unwrap_or(f64::NAN);
         let at = match &arm.at {
             At::Seconds => At::Number(seconds),
             at => at.clone(),
@@ -177,8 +173,8 @@ fn int8(reached: &[(Reached, Metrics)], runs: &[(String, String)]) -> Option<Int
         hoi: Mean::of(&shares),
         f32_bytes: bytes.0,
         int8_bytes: bytes.1,
-        f32_answer_ms: median(f32_ms),
-        int8_answer_ms: median(int8_ms),
+        f32_answer_ms: median(f32_ms)?,
+        int8_answer_ms: median(int8_ms)?,
     })
 }
 
