@@ -1,5 +1,5 @@
 //! Angle spectra against numpy's and scipy's (`peers/music.py`): all boards' arrays, every method with and without averaging,
-//! smoothing and loading, on simulated scenes and on the covariances of the shipped recording.
+//! smoothing and loading, on simulated scenes and on the covariances of a shipped recording.
 //!
 //! Needs Python with `numpy` and `scipy` in `target/venv`; without it the test says so and passes, unless `RFHOI_REQUIRE` is
 //! set.
@@ -72,7 +72,7 @@ fn scenes(profile: &RadarProfile, two_dimensional: bool) -> Vec<Covariance> {
 /// The covariances of the recording's frames in which something moves.
 fn recorded(folder: &Path) -> (RadarProfile, Vec<Covariance>) {
     let recordings = Path::new(env!("CARGO_MANIFEST_DIR")).join("recordings");
-    let source = recordings.join("pick_up_book.cfg");
+    let source = recordings.join("evening.cfg");
     let profile =
         rfhoi::profile::load(source.to_str().expect("UTF-8"), Board::default()).expect("it is shipped");
     let options = Options {
@@ -83,7 +83,7 @@ fn recorded(folder: &Path) -> (RadarProfile, Vec<Covariance>) {
         vibration: None,
         aligned: None,
     };
-    replay(&recordings.join("pick_up_book.pcap.gz"), &options, folder, &mut |_| true).expect("it replays");
+    replay(&recordings.join("evening.pcap.gz"), &options, folder, &mut |_| true).expect("it replays");
     let mut numbers =
         NpzReader::new(File::open(folder.join("radar.npz")).expect("it was written")).expect("npz");
     let all: Array3<Complex32> = numbers.by_name("covariance").expect("frames have covariances");

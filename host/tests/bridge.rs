@@ -112,7 +112,11 @@ impl Firmware {
     }
 
     fn say(&mut self, to: SocketAddr, message: Message<'_>) {
-        let packet = self.sequencer.wrap(BridgeTime(self.began.elapsed().as_micros() as u64), message);
+        self.say_at(self.now(), to, message);
+    }
+
+    fn say_at(&mut self, time: BridgeTime, to: SocketAddr, message: Message<'_>) {
+        let packet = self.sequencer.wrap(time, message);
         self.socket.send_to(packet.encode(&mut [0; MAX_PACKET]).unwrap(), to).unwrap();
     }
 
@@ -130,10 +134,12 @@ impl Firmware {
     }
 
     fn data(&mut self, host: SocketAddr) {
+        // Of one moment, however long this thread waits for its turn: the load is a ratio of two times.
+        let now = self.now();
         let telemetry = Telemetry {
             radar: if self.running { RadarState::Streaming } else { RadarState::Stopped },
             restart: if self.boot == 7 { RestartReason::PowerOn } else { RestartReason::Command },
-            busy_us: self.now().0 / 4,
+            busy_us: now.0 / 4,
             bridge_decicelsius: Some(412),
             ..Telemetry::default()
         };
@@ -157,7 +163,7 @@ impl Firmware {
             };
             self.say(host, Message::Tags([read].into_iter().collect()));
         }
-        self.say(host, Message::Telemetry(telemetry));
+        self.say_at(now, host, Message::Telemetry(telemetry));
     }
 
     fn command(&mut self, from: SocketAddr, Command { id, request }: Command) {
