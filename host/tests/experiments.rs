@@ -1,6 +1,7 @@
 //! Every study in its quick form: one epoch of a tiny network on a few simulated samples. It says nothing of accuracy.
 #![cfg(feature = "train")]
 
+use std::collections::BTreeSet;
 use std::path::Path;
 use std::process::{Command, Output};
 
@@ -60,6 +61,7 @@ fn all_studies_run_and_nothing_is_done_twice() {
         "occlusion",
         "second-person",
         "fine-tuning",
+        "scenes",
     ] {
         let table = table(&out, study);
         assert_eq!(table["simulated"], true);
@@ -73,9 +75,21 @@ fn all_studies_run_and_nothing_is_done_twice() {
     rfhoi(&["experiment", "latency", evening.to_str().unwrap(), "--out", results]);
     let latency: Value = serde_json::from_slice(&std::fs::read(out.join("latency.json")).unwrap()).unwrap();
     assert_eq!((&latency["tags"], &latency["models"][0]["window_frames"]), (&6.into(), &60.into()));
+    rfhoi(&[&["chart"][..], &words].concat());
+    let mut chart = csv::Reader::from_path(out.join("chart.csv")).unwrap();
+    let rows: Vec<csv::StringRecord> = chart.records().collect::<Result<_, _>>().unwrap();
+    let ways: BTreeSet<String> = rows.iter().map(|row| format!("{} {}", &row[1], &row[2])).collect();
+    assert_eq!(ways.len(), 3, "{ways:?}");
+    // All run in all ways, and no time or count is nothing.
+    assert_eq!(rows.len(), 3 * 21);
+    for row in &rows {
+        let costs = row.iter().skip(12).map(|cell| cell.parse::<f64>().unwrap());
+        assert!(costs.clone().count() == 10 && costs.into_iter().all(|cost| cost > 0.0), "{row:?}");
+    }
+    assert!(out.join("chart.png").metadata().unwrap().len() > 1000);
     rfhoi(&["experiment", "report", "--out", results]);
     let page = std::fs::read_to_string(out.join("README.md")).unwrap();
-    assert_eq!(page.matches("](").count(), 14, "a picture of each study");
+    assert_eq!(page.matches("](").count(), 15 + 1, "a picture of each study, and the chart");
     assert!(page.contains("All data here are simulated") && page.contains("network, int8: answer"));
     assert!(out.join("second-person.svg").metadata().unwrap().len() > 1000);
 }

@@ -9,7 +9,7 @@ use crate::model::{Model, ModelError};
 use crate::network::{Batch, FrameTensors, Network};
 use crate::sample::{Answer, Frame, Frames, InputError, Runner};
 
-/// Runs an f32 model on Burn's `ndarray` backend.
+/// Runs an f32 model on Burn.
 #[derive(Debug)]
 pub struct Reference {
     network: Network,
@@ -19,13 +19,25 @@ pub struct Reference {
 }
 
 impl Reference {
-    /// A runner of an f32 model.
+    /// A runner of an f32 model on the `ndarray` backend.
     ///
     /// # Errors
     /// If it is none.
     pub fn new(model: &Model) -> Result<Self, ModelError> {
         #[allow(deprecated, reason = "the backend that f32 is asked for on; Burn prefers flex")]
-        let device = Device::ndarray();
+        Self::on(model, Device::ndarray())
+    }
+
+    /// A runner of an f32 model on Burn's `flex` backend, which is there for training.
+    ///
+    /// # Errors
+    /// If it is none.
+    #[cfg(feature = "train")]
+    pub fn on_flex(model: &Model) -> Result<Self, ModelError> {
+        Self::on(model, Device::flex())
+    }
+
+    fn on(model: &Model, device: Device) -> Result<Self, ModelError> {
         Ok(Self {
             network: model.network(&device)?,
             description: model.description.clone(),

@@ -71,6 +71,9 @@ enum Command {
     /// Train and measure several networks, as one table.
     #[cfg(feature = "train")]
     Experiment(experiment::Experiment),
+    /// Chart speed against accuracy: profiles, maps, angles, networks, precisions, backends and antennas, with the Pareto front.
+    #[cfg(feature = "train")]
+    Chart(experiment::StudyArgs),
     /// Find, configure and watch bridges in the network.
     Bridge(bridge::Bridge),
     /// Program a board over its debug probe, and follow its log.
@@ -108,6 +111,8 @@ pub(crate) fn run(cli: &Cli) -> ExitCode {
         Command::Quantize(command) => command.run(cli.json),
         #[cfg(feature = "train")]
         Command::Experiment(command) => command.run(cli.json),
+        #[cfg(feature = "train")]
+        Command::Chart(command) => command.chart(cli.json),
         Command::Bridge(command) => command.run(cli.json),
         Command::Flash(command) => command.run(cli.json),
     };

@@ -25,7 +25,7 @@ pub struct Uplink {
 
 impl Uplink {
     /// What a bridge with this radar sends, and a reader that reads so often.
-    pub(super) fn of(config: &RadarConfig, reads_s: f64) -> Self {
+    pub fn of(config: &RadarConfig, reads_s: f64) -> Self {
         let (mut frame_bytes, mut frame_packets) = (0, 0);
         frames(config, |packets| {
             frame_bytes = packets.iter().map(Vec::len).sum();

@@ -6,11 +6,14 @@ mod real_motion;
 mod real_radar;
 mod real_reads;
 mod runs;
+mod stages;
 mod study;
 
 use clap::{Args, Subcommand};
 
-use study::{Name, StudyArgs};
+pub(super) use study::StudyArgs;
+
+use study::Name;
 
 /// `rfhoi experiment`.
 #[derive(Debug, Args)]
@@ -53,6 +56,8 @@ enum Which {
     SecondPerson(StudyArgs),
     /// Time to fine-tune.
     FineTuning(StudyArgs),
+    /// Three scenes, each seen as it needs and as the paper would: accuracy, and what is saved.
+    Scenes(StudyArgs),
     /// What each stage takes, from a bridge's packets to the answer.
     Latency(latency::Latency),
     /// The tags' branch with an action's head on real reads of people who were not learnt from.
@@ -93,6 +98,7 @@ impl Experiment {
             Which::Occlusion(args) => (args, Name::Occlusion),
             Which::SecondPerson(args) => (args, Name::SecondPerson),
             Which::FineTuning(args) => (args, Name::FineTuning),
+            Which::Scenes(args) => (args, Name::Scenes),
         };
         args.run(&[name], json)
     }

@@ -10,9 +10,9 @@ use crate::commands::stopped;
 
 /// A run of this program, with its folder.
 pub(super) struct Job {
-    /// What it is told its folder with: `--out` or `--set`.
-    pub(super) option: &'static str,
-    pub(super) out: PathBuf,
+    /// Folder for its log.
+    pub(super) folder: PathBuf,
+    /// All that it is told.
     pub(super) words: Vec<String>,
 }
 
@@ -45,15 +45,13 @@ impl Runs {
 impl Job {
     fn run(&self, program: &Path) -> anyhow::Result<()> {
         ensure!(!stopped(), "stopped; the same command goes on from there");
-        let line = format!("rfhoi {} {} {}", self.words.join(" "), self.option, self.out.display());
+        let line = format!("rfhoi {}", self.words.join(" "));
         eprintln!("{line}");
-        std::fs::create_dir_all(&self.out)
-            .with_context(|| format!("cannot make the folder {}", self.out.display()))?;
-        let log = std::fs::File::create(self.out.join("log.txt")).context("cannot write a log")?;
+        std::fs::create_dir_all(&self.folder)
+            .with_context(|| format!("cannot make the folder {}", self.folder.display()))?;
+        let log = std::fs::File::create(self.folder.join("log.txt")).context("cannot write a log")?;
         let status = Command::new(program)
             .args(&self.words)
-            .arg(self.option)
-            .arg(&self.out)
             // Several at a time: each has a core.
             .env("RAYON_NUM_THREADS", "1")
             .stdin(Stdio::null())
@@ -62,7 +60,7 @@ impl Job {
             .status()
             .context("cannot run this program again")?;
         ensure!(!stopped(), "stopped; the same command goes on from there");
-        ensure!(status.success(), "{line} failed: see {}", self.out.join("log.txt").display());
+        ensure!(status.success(), "{line} failed: see {}", self.folder.join("log.txt").display());
         Ok(())
     }
 }

@@ -32,17 +32,19 @@ use document::Document;
 /// Tags of a sample: its object's and those of five others (the paper's section 4.2).
 pub const SAMPLE_TAGS: usize = 6;
 
-/// Rooms that come with the program: the paper's three (few, medium and rich multipath; its section 4.2), and a hall
-/// without anything, with other people.
-/// The paper's.
+/// The paper's three rooms: few, medium and rich multipath (its section 4.2).
 pub const SITE: [&str; 3] = ["working-space", "storage-room", "kitchen"];
-/// All.
-pub const NAMES: [&str; 4] = ["working-space", "storage-room", "kitchen", "open-room"];
-const ROOMS: [&str; 4] = [
+/// Rooms that come with the program: the paper's; a hall without anything, with other people; one that needs less than those,
+/// and one that needs more.
+pub const NAMES: [&str; 6] =
+    ["working-space", "storage-room", "kitchen", "open-room", "cabinet", "work-room"];
+const ROOMS: [&str; 6] = [
     include_str!("../../../scenes/working-space.toml"),
     include_str!("../../../scenes/storage-room.toml"),
     include_str!("../../../scenes/kitchen.toml"),
     include_str!("../../../scenes/open-room.toml"),
+    include_str!("../../../scenes/cabinet.toml"),
+    include_str!("../../../scenes/work-room.toml"),
 ];
 
 /// A room with a radar, a reader, furniture and people.

@@ -5,13 +5,17 @@
 //!   [table] --> NAME.json, NAME.txt --> [report], [picture] --> README.md, NAME.svg
 //! ```
 //!
+//! [`chart`] plans runs of its own and times them.
+//!
 //! A run's folder is named after all that decides it, so studies share runs, and what was done is not done again. A folder
 //! holds what was learnt from and tested on by number: `run.json`.
 
+mod chart;
 mod picture;
 mod plan;
 mod report;
 mod run;
+mod scenes;
 mod sets;
 mod studies;
 mod table;
@@ -37,7 +41,7 @@ const SCALE: &str = "scale.json";
 
 /// Options of every study.
 #[derive(Debug, Args)]
-pub(super) struct StudyArgs {
+pub(in super::super) struct StudyArgs {
     /// Folder of the data sets, as `rfhoi experiment sets` makes them.
     #[arg(long, value_name = "DIR")]
     sets: PathBuf,
@@ -72,29 +76,41 @@ impl StudyArgs {
         scale
     }
 
+    /// Folder of all runs.
+    fn runs(&self) -> PathBuf {
+        self.out.join("runs")
+    }
+
+    /// Does the runs that are not done yet.
+    fn train(&self, plan: &Plan) -> anyhow::Result<()> {
+        let runs = Runs { workers: self.workers.unwrap_or_else(cores) };
+        for wave in plan.waves() {
+            let mut jobs = Vec::new();
+            for run in wave {
+                let folder = self.runs().join(run.folder());
+                if run.is_done(&folder) {
+                    continue;
+                }
+                run.write(&folder)?;
+                let words = ["experiment", "run", "--sets", &path(&self.sets), "--out", &path(&folder)];
+                jobs.push(Job { words: words.map(String::from).into(), folder });
+            }
+            runs.all(&jobs)?;
+        }
+        Ok(())
+    }
+
     /// Does all that `names` need and writes their tables.
     pub(super) fn run(&self, names: &[Name], json: bool) -> anyhow::Result<()> {
         listen_for_ctrl_c()?;
         let mut plan = Plan::new(&self.sets, self.scale())?;
         let studies = names.iter().map(|name| name.study(&mut plan)).collect::<anyhow::Result<Vec<_>>>()?;
-        let folder = self.out.join("runs");
-        let runs = Runs { workers: self.workers.unwrap_or_else(cores) };
-        for wave in plan.waves() {
-            let mut jobs = Vec::new();
-            for run in wave {
-                let out = folder.join(run.folder());
-                if run.is_done(&out) {
-                    continue;
-                }
-                run.write(&out)?;
-                let words = ["experiment", "run", "--sets"].map(String::from).into_iter();
-                let words = words.chain([path(&self.sets)]).collect();
-                jobs.push(Job { option: "--out", out, words });
+        self.train(&plan)?;
+        for (study, name) in studies.iter().zip(names) {
+            let mut table = Table::of(study, &self.runs())?;
+            if *name == Name::Scenes {
+                table.costs = scenes::costs()?;
             }
-            runs.all(&jobs)?;
-        }
-        for study in &studies {
-            let table = Table::of(study, &folder)?;
             ensure!(!table.rows.is_empty(), "{} has nothing to compare", study.name);
             table.write(&self.out)?;
             if json {
@@ -103,6 +119,11 @@ impl StudyArgs {
                 println!("{}", table.text());
             }
         }
+        self.write_scale()
+    }
+
+    /// Leaves beside the results how large they were.
+    fn write_scale(&self) -> anyhow::Result<()> {
         let scale = serde_json::to_vec_pretty(&self.scale())?;
         atomic::write(self.out.join(SCALE), &scale).context("cannot write how large it was")
     }

@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use anyhow::Context;
+use rfhoi::features::AngleMap;
 use rfhoi::features::set::{self, Listed, Listing};
 use rfhoi::learn;
 use rfhoi_network::config::NetworkConfig;
@@ -76,6 +77,20 @@ pub(super) struct Plan {
     pub(super) scale: Scale,
 }
 
+/// A network, and how the angle map that it looks at is made.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct Shape {
+    pub(super) network: NetworkConfig,
+    pub(super) angle: AngleMap,
+}
+
+/// With the angle map that ships.
+impl From<&NetworkConfig> for Shape {
+    fn from(network: &NetworkConfig) -> Self {
+        Self { network: network.clone(), angle: AngleMap::Bartlett }
+    }
+}
+
 /// What a network is before it is fine-tuned.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Before {
@@ -136,10 +151,10 @@ impl Plan {
         Ok(Test { name: name.to_owned(), set: self.source(set)?, samples })
     }
 
-    /// Pre-trains `network` on a share of the simulated samples for it.
+    /// Pre-trains a network on a share of the simulated samples for it.
     pub(super) fn pre_train(
         &mut self,
-        network: &NetworkConfig,
+        shape: impl Into<Shape>,
         share: f64,
         change: impl FnOnce(&mut Recipe),
     ) -> anyhow::Result<String> {
@@ -149,29 +164,31 @@ impl Plan {
         change(&mut recipe);
         let set = self.source(sets::TRAIN)?;
         let learn = (0..count).collect();
-        let training = Training { network: network.clone(), recipe, from: None, set, learn };
+        let Shape { network, angle } = shape.into();
+        let training = Training { network, angle, recipe, from: None, set, learn };
         Ok(self.add(Run { training, tests: Vec::new(), int8: false }))
     }
 
-    /// Learns `network` from samples of a set of the site.
+    /// Learns a network from samples of a set of the site.
     pub(super) fn learn(
         &mut self,
-        network: &NetworkConfig,
+        shape: impl Into<Shape>,
         before: Before,
         samples: (&'static str, Vec<usize>),
         tests: Vec<Test>,
         change: impl FnOnce(&mut Recipe),
     ) -> anyhow::Result<String> {
+        let shape = shape.into();
         match before {
             Before::PreTrained => {
-                let from = self.pre_train(network, 1.0, |_| {})?;
-                self.fine_tune(network, from, samples, tests, change)
+                let from = self.pre_train(shape.clone(), 1.0, |_| {})?;
+                self.fine_tune(shape, from, samples, tests, change)
             }
             Before::Scratch => {
                 let epochs = self.scale.scratch_epochs;
                 let mut recipe = Recipe { epochs, batch: 16, ..Recipe::pre_training(1) };
                 change(&mut recipe);
-                self.training(network, recipe, None, samples, tests)
+                self.training(shape, recipe, None, samples, tests)
             }
         }
     }
@@ -179,7 +196,7 @@ impl Plan {
     /// Learns on from what the run in the folder `from` has learnt.
     pub(super) fn fine_tune(
         &mut self,
-        network: &NetworkConfig,
+        shape: impl Into<Shape>,
         from: String,
         samples: (&'static str, Vec<usize>),
         tests: Vec<Test>,
@@ -187,19 +204,19 @@ impl Plan {
     ) -> anyhow::Result<String> {
         let mut recipe = Recipe { epochs: self.scale.fine_epochs, ..Recipe::fine_tuning(1) };
         change(&mut recipe);
-        self.training(network, recipe, Some(from), samples, tests)
+        self.training(shape.into(), recipe, Some(from), samples, tests)
     }
 
     fn training(
         &mut self,
-        network: &NetworkConfig,
+        Shape { network, angle }: Shape,
         recipe: Recipe,
         from: Option<String>,
         (set, learn): (&'static str, Vec<usize>),
         tests: Vec<Test>,
     ) -> anyhow::Result<String> {
         let set = self.source(set)?;
-        let training = Training { network: network.clone(), recipe, from, set, learn };
+        let training = Training { network, angle, recipe, from, set, learn };
         Ok(self.add(Run { training, tests, int8: false }))
     }
 

@@ -8,6 +8,7 @@ use rfhoi::atomic;
 use serde_json::Value;
 
 use super::picture::picture;
+use super::scenes;
 use super::studies::Name;
 use super::table::{Row, Table};
 
@@ -60,6 +61,11 @@ impl Report {
             ));
             page.push_str(&remarks(&self.out, "latency")?);
         }
+        if self.out.join("chart.md").is_file() {
+            page.push_str("\n## Speed against accuracy\n\n`rfhoi chart`; each configuration is trained and tested as above.\n");
+            page.push_str("\n![Speed against accuracy](chart.svg)\n");
+            page.push_str(&remarks(&self.out, "chart")?);
+        }
         let path = self.out.join("README.md");
         atomic::write(&path, page.as_bytes())?;
         if json {
@@ -91,6 +97,7 @@ fn made_by(out: &Path) -> anyhow::Result<String> {
 cargo build --release -p rfhoi --features train
 rfhoi experiment sets --out SETS{quick}
 rfhoi experiment all --sets SETS --out RESULTS{size}
+rfhoi chart --sets SETS --out RESULTS{size}
 rfhoi experiment report --out RESULTS
 ```
 "
@@ -137,6 +144,9 @@ fn section(table: &Table, picture: &str) -> String {
             ));
         }
         text.push_str("\nTimes: from the last frame of 6 s to the answer, one thread.\n");
+    }
+    if !table.costs.is_empty() {
+        text.push_str(&scenes::page(&table.costs));
     }
     text.push_str(&format!("\n![{title}]({picture})\n"));
     text

@@ -4,6 +4,7 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context, ensure};
 use clap::Args;
+use rfhoi::features::AngleMap;
 use rfhoi::learn::{self, Data, Timing};
 use rfhoi::{atomic, hoi, recognize};
 use rfhoi_network::config::NetworkConfig;
@@ -24,8 +25,8 @@ const RUN: &str = "run.json";
 pub(super) const RESULT: &str = "result.json";
 /// Folder of what a run needs to go on after it was stopped.
 const CHECKPOINT: &str = "run";
-/// How the angle map is made.
-const ANGLE: &str = "bartlett";
+/// The model in int8.
+pub(super) const INT8: &str = "int8.safetensors";
 
 /// A set by its folder's name, as it was.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
@@ -70,6 +71,7 @@ pub(super) struct Run {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub(super) struct Training {
     pub(super) network: NetworkConfig,
+    pub(super) angle: AngleMap,
     pub(super) recipe: Recipe,
     /// Folder of the run that it begins with.
     pub(super) from: Option<String>,
@@ -137,6 +139,12 @@ impl Reached {
     pub(super) fn test(&self, key: &str) -> Option<&Metrics> {
         self.tests.iter().find(|test| test.key == key).map(|test| &test.metrics)
     }
+
+    /// The same of its int8 form, where it has one.
+    pub(super) fn int8_test(&self, key: &str) -> Option<&Metrics> {
+        let (_, _, tests) = self.quantised.as_ref()?.int8.as_ref()?;
+        tests.iter().find(|test| test.key == key).map(|test| &test.metrics)
+    }
 }
 
 /// `rfhoi experiment run`: what a study starts in a process of its own.
@@ -157,14 +165,14 @@ impl RunArgs {
         let run: Run = serde_json::from_slice(&text).with_context(|| path.display().to_string())?;
         let names = names()?;
         let before = Reached::read(&self.out).ok().filter(|_| self.out.join(MODEL).is_file());
-        let Training { network, from, set, learn, .. } = &run.training;
+        let Training { network, angle, from, set, learn, .. } = &run.training;
         let from = match from {
             Some(from) if before.is_none() => Some(model(&self.out.with_file_name(from).join(MODEL))?),
             _ => None,
         };
         let description = match &from {
             Some(model) => model.description.clone(),
-            None => Description::new(network.clone(), Value::Null, ANGLE.into(), names.fingerprint()),
+            None => Description::new(network.clone(), Value::Null, angle.to_string(), names.fingerprint()),
         };
         let settings = recognize::model::settings(&description)?;
         let load = |source: &Source| data(&self.sets.join(&source.name), settings, &names);
@@ -195,7 +203,7 @@ impl RunArgs {
             reached.tests.push(Tested { key: test.key(), metrics });
         }
         if run.int8 && reached.quantised.is_none() {
-            reached.quantised = Some(run.quantised(&trained, &learnt)?);
+            reached.quantised = Some(run.quantised(&trained, &learnt, &self.out)?);
         }
         atomic::write(self.out.join(RESULT), &serde_json::to_vec_pretty(&reached)?)?;
         // What it needed to go on is of no more use; where it cannot be removed it is only in the way.
@@ -234,7 +242,7 @@ impl Training {
 }
 
 impl Run {
-    fn quantised(&self, model: &Model, data: &Data) -> anyhow::Result<Quantised> {
+    fn quantised(&self, model: &Model, data: &Data, out: &Path) -> anyhow::Result<Quantised> {
         let calibration = &self.training.learn[..learn::CALIBRATION_SAMPLES.min(self.training.learn.len())];
         let int8 = match quantize(model, &data.samples(calibration), &data.names) {
             Ok(int8) => {
@@ -245,7 +253,9 @@ impl Run {
                     let metrics = learn::metrics(&int8, data, &samples, &mut |share| progress.show(share))?;
                     tests.push(Tested { key: test.key(), metrics });
                 }
-                Some((int8.to_bytes()?.len(), learn::time(&int8, data, 1)?, tests))
+                let bytes = int8.to_bytes()?;
+                atomic::write(out.join(INT8), &bytes)?;
+                Some((bytes.len(), learn::time(&int8, data, 1)?, tests))
             }
             // Burn alone runs such a network.
             Err(ExecuteError::Unsupported(_)) => None,

@@ -10,7 +10,7 @@ use rfhoi_network::train::Recipe;
 
 use super::plan::{Before, Plan, USUAL};
 use super::run::Test;
-use super::sets;
+use super::sets::{self, Seen};
 use super::table::{Arm, At, Study};
 
 /// Shares of the site's samples to learn from, of those that are there.
@@ -35,10 +35,11 @@ pub(in super::super) enum Name {
     Occlusion,
     SecondPerson,
     FineTuning,
+    Scenes,
 }
 
 impl Name {
-    pub(in super::super) const ALL: [Self; 14] = [
+    pub(in super::super) const ALL: [Self; 15] = [
         Self::Modality,
         Self::PreTraining,
         Self::Setups,
@@ -53,6 +54,7 @@ impl Name {
         Self::Occlusion,
         Self::SecondPerson,
         Self::FineTuning,
+        Self::Scenes,
     ];
 
     /// As in the command and in names of files.
@@ -72,6 +74,7 @@ impl Name {
             Self::Occlusion => "occlusion",
             Self::SecondPerson => "second-person",
             Self::FineTuning => "fine-tuning",
+            Self::Scenes => "scenes",
         }
     }
 
@@ -92,6 +95,7 @@ impl Name {
             Self::Occlusion => occlusion(plan),
             Self::SecondPerson => second_person(plan),
             Self::FineTuning => fine_tuning(plan),
+            Self::Scenes => scenes(plan),
         }
     }
 }
@@ -530,6 +534,36 @@ fn fine_tuning(plan: &mut Plan) -> anyhow::Result<Study> {
         title: "Time to fine-tune, on one core of the machine that the report names",
         section: "5.7.1",
         axis: "fine-tuning, s",
+        arms,
+    })
+}
+
+/// A way to see a scene, and the set that is seen so.
+type Sight = (&'static str, fn(&Seen) -> &'static str);
+
+fn scenes(plan: &mut Plan) -> anyhow::Result<Study> {
+    let network = plan.scale.network.clone();
+    let ways: [Sight; 2] =
+        [("as it needs", |seen| seen.as_needed), ("the paper's radar", |seen| seen.as_paper)];
+    let mut arms = Vec::new();
+    for (series, set) in ways {
+        for seen in &sets::SCENES {
+            let set = set(seen);
+            let mut runs = Vec::new();
+            for seed in seeds(plan) {
+                let split = plan.split(set, seed)?;
+                let test = plan.test(seen.scene, set, split.test)?;
+                let learn = (set, split.learn);
+                runs.push(once(plan, &network, Before::PreTrained, learn, test, |r| r.seed = seed)?);
+            }
+            arms.push(Arm { series: series.into(), at: At::Label(seen.scene.into()), runs, paper: None });
+        }
+    }
+    Ok(Study {
+        name: Name::Scenes.name(),
+        title: "No more than a scene needs: the planner's radar and the paper's",
+        section: "4.1",
+        axis: "scene",
         arms,
     })
 }

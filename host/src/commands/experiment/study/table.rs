@@ -8,6 +8,7 @@ use rfhoi_network::metrics::{Metrics, Share, mean_interval, median};
 use serde::{Deserialize, Serialize};
 
 use super::run::Reached;
+use super::scenes::Costs;
 
 /// Some arms held against each other.
 pub(super) struct Study {
@@ -49,6 +50,9 @@ pub(super) struct Table {
     pub(super) section: String,
     pub(super) axis: String,
     pub(super) rows: Vec<Row>,
+    /// What the rows of scenes cost.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub(super) costs: Vec<Costs>,
 }
 
 /// One row.
@@ -92,7 +96,7 @@ pub(super) struct Mean {
 }
 
 impl Mean {
-    fn of(shares: &[Share]) -> Self {
+    pub(super) fn of(shares: &[Share]) -> Self {
         let values: Vec<f64> = shares.iter().map(|share| share.value()).collect();
         let samples = shares.iter().map(|share| share.of).sum::<u32>() / shares.len().max(1) as u32;
         let (mean, low, high) = match (mean_interval(&values), shares) {
@@ -163,8 +167,8 @@ fn int8(reached: &[(Reached, Metrics)], runs: &[(String, String)]) -> Option<Int
     let (mut f32_ms, mut int8_ms, mut bytes) = (Vec::new(), Vec::new(), (0, 0));
     for ((reached, _), (_, key)) in reached.iter().zip(runs) {
         let quantised = reached.quantised.as_ref()?;
-        let (int8_bytes, timing, tests) = quantised.int8.as_ref()?;
-        shares.push(tests.iter().find(|test| test.key == *key)?.metrics.hoi);
+        let (int8_bytes, timing, _) = quantised.int8.as_ref()?;
+        shares.push(reached.int8_test(key)?.hoi);
         f32_ms.push(quantised.f32_timing.answer_ms);
         int8_ms.push(timing.answer_ms);
         bytes = (quantised.f32_bytes, *int8_bytes);
@@ -188,6 +192,7 @@ impl Table {
             section: study.section.into(),
             axis: study.axis.into(),
             rows,
+            costs: Vec::new(),
         })
     }
 
