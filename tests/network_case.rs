@@ -27,8 +27,9 @@ pub struct Case {
 }
 
 impl Case {
-    /// Random frames for `model`.
-    pub fn new(model: Model) -> Self {
+    /// Random frames for `model`, whose scores are taken as they are: at temperature 1.
+    pub fn new(mut model: Model) -> Self {
+        model.description.temperature = 1.0;
         let config = &model.description.config;
         let mut rng = ChaCha8Rng::seed_from_u64(1);
         let mut frames = Frames::new(config.points, TAGS, config.antennas);

@@ -42,7 +42,7 @@ use crate::simulate::set::shard_name;
 pub struct Options {
     /// What features are made of.
     pub settings: Settings,
-    /// The radar's profile; `None` where it is one that has a name, which is found.
+    /// The radar's profile; `None` where it has a name or is beside the set, where it is found.
     pub profile: Option<RadarProfile>,
     /// Threads.
     pub workers: usize,
@@ -72,7 +72,7 @@ pub enum SetError {
     Incomplete(PathBuf),
     /// Nobody knows the profile.
     #[error(
-        "{path} was made with a radar profile of its own (fingerprint {fingerprint:08x}): give that with --profile"
+        "{path} was made with a radar profile of its own (fingerprint {fingerprint:08x}): give that with --profile, or put it there as profile.cfg"
     )]
     Profile {
         /// The manifest.

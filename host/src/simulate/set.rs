@@ -1,4 +1,4 @@
-//! Data sets: a folder with `manifest.json` and shards of samples that `numpy.load` reads.
+//! Data sets: a folder with `manifest.json`, the radar's profile, and shards of samples that `numpy.load` reads.
 //!
 //! Every sample follows from the seed and its number alone, so shards are made in any order, by all cores, and a set that was
 //! stopped goes on where it stood. The same options give the same bytes.
@@ -30,6 +30,7 @@ use std::path::{Path, PathBuf};
 
 use ndarray::{Array1, Array2, Array3};
 use rfhoi_firmware::dsp::level;
+use rfhoi_firmware::mmwave::cfg::{self, DemoOptions, LvdsStream};
 use rfhoi_shared::config::Processing;
 use rfhoi_shared::fnv;
 use rfhoi_shared::units::BridgeTime;
@@ -47,6 +48,8 @@ use crate::npz::{Npz, NpzError};
 
 /// Name of the file that describes a set.
 pub const MANIFEST: &str = "manifest.json";
+/// Name of the radar's profile beside it, as a CLI profile, if it can be said so.
+pub const PROFILE: &str = "profile.cfg";
 /// Of the layout of manifest and shards.
 pub const VERSION: u32 = 1;
 /// Key of the manifest for what makes it harder ([`Circumstance`](super::circumstance::Circumstance)), where something does.
@@ -169,6 +172,13 @@ pub fn write(
     let path = folder.join(MANIFEST);
     if path.is_file() {
         compare(folder, &path, &manifest)?;
+    }
+    let mut cfg = String::new();
+    let demo = DemoOptions { lvds: LvdsStream::RAW, ..DemoOptions::default() };
+    if let Some(scene) = scenes.first()
+        && cfg::write(&scene.radar.profile, &demo, &mut cfg).is_ok()
+    {
+        atomic::write(folder.join(PROFILE), cfg.as_bytes())?;
     }
     // Until all shards are there it is not complete, also where one was taken away.
     atomic::write(&path, &text(&manifest))?;

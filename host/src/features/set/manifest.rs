@@ -2,6 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
+use rfhoi_firmware::mmwave::cfg::Board;
 use rfhoi_network::sample::{Frames, Pose, Sample};
 use rfhoi_shared::config::{Processing, RadarConfig, RadarInput};
 use rfhoi_shared::fnv;
@@ -12,9 +13,9 @@ use serde::Deserialize;
 use serde_json::Value;
 
 use super::{SetError, Setup};
-use crate::profile::NAMES;
+use crate::profile::{self, NAMES};
 use crate::simulate::effects::Domain;
-use crate::simulate::set::{MANIFEST, VERSION};
+use crate::simulate::set::{MANIFEST, PROFILE, VERSION};
 
 /// A set, but for its shards.
 #[derive(Debug)]
@@ -168,11 +169,16 @@ impl Manifest {
         &rest[..rest.len().min(self.shard_samples)]
     }
 
-    /// What the radar was configured for: with `profile`, or with one that has a name.
+    /// What the radar was configured for: with `profile`, with one that has a name, or with that beside the manifest.
     pub(super) fn radar(&self, profile: Option<&RadarProfile>) -> Result<RadarConfig, SetError> {
         let fingerprint = self.maps.profile_fingerprint;
         let named = NAMES.into_iter().filter_map(RadarProfile::named);
-        let profile = profile.cloned().into_iter().chain(named).find(|p| p.fingerprint() == fingerprint);
+        // What cannot be read there is not the set's.
+        let beside =
+            || profile::load(&self.path.with_file_name(PROFILE).to_string_lossy(), Board::default()).ok();
+        let beside = std::iter::once_with(beside).flatten();
+        let mut known = profile.cloned().into_iter().chain(named).chain(beside);
+        let profile = known.find(|p| p.fingerprint() == fingerprint);
         let profile = profile.ok_or_else(|| SetError::Profile { path: self.path.clone(), fingerprint })?;
         let gate = RangeGate { first: self.maps.first_range_bin, bins: self.maps.range_bins };
         let processing = Processing {

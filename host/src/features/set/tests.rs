@@ -167,7 +167,14 @@ fn what_cannot_be_read_says_why() {
     assert!(sentence(&options(SETTINGS)).contains("is not complete"));
     make(folder.path(), Domain::Train, 2, true);
     let unnamed = Options { profile: None, ..options(SETTINGS) };
+    // The set says it itself, unless what says it is another's or gone.
+    assert!(load(folder.path(), &unnamed, &mut |_| true).is_ok());
+    let beside = folder.path().join(simulated::PROFILE);
+    let text = std::fs::read_to_string(&beside).unwrap();
+    std::fs::write(&beside, text.replace("frameCfg 0 2 16", "frameCfg 0 2 32")).unwrap();
     assert!(sentence(&unnamed).contains("give that with --profile"));
+    std::fs::remove_file(&beside).unwrap();
+    assert!(sentence(&unnamed).contains("or put it there as profile.cfg"));
     let points = options(Settings { points: 7, ..SETTINGS });
     assert!(sentence(&points).contains("7 points"));
     let manifest = folder.path().join("manifest.json");

@@ -88,29 +88,29 @@ const fn recipe(name: &'static str, words: &'static str, samples: [u32; 2]) -> R
 
 /// The site by another radar.
 const fn site_by(radar: Radar) -> Recipe {
-    Recipe { name: radar.set, words: SITE_WORDS, radar, samples: [2_600, 80] }
+    Recipe { name: radar.set, words: SITE_WORDS, radar, samples: [2_600, 48] }
 }
 
 const fn as_needed(seen: &Seen) -> Recipe {
-    recipe(seen.as_needed, seen.words, [510, 17])
+    recipe(seen.as_needed, seen.words, [510, 6])
 }
 
 const fn as_paper(seen: &Seen) -> Recipe {
     let radar = Radar { set: seen.as_paper, words: PAPER };
-    Recipe { name: radar.set, words: seen.words, radar, samples: [510, 17] }
+    Recipe { name: radar.set, words: seen.words, radar, samples: [510, 6] }
 }
 
 /// Site and train are those of the model's card.
 const RECIPES: [Recipe; 17] = [
     recipe(TRAIN, "--domain train --with all --rooms 80 --nothing 0.12 --seed 3", [12_000, 24]),
-    recipe(SITE, SITE_WORDS, [2_600, 80]),
+    recipe(SITE, SITE_WORDS, [2_600, 48]),
     // The paper's 78 setups (section 4.2).
-    recipe(SETUPS, "--domain site --setups 78 --seed 5", [2_600, 80]),
+    recipe(SETUPS, "--domain site --setups 78 --seed 5", [2_600, 40]),
     recipe(UNSEEN, "--domain site --categories unseen --seed 6", [600, 10]),
-    recipe(STILL, "--domain site --seed 7", [510, 17]),
-    recipe(HAND, "--domain site --seed 7 --circumstance hand", [510, 17]),
-    recipe(BODY, "--domain site --seed 7 --circumstance body", [510, 17]),
-    recipe(SECOND, "--domain site --seed 7 --circumstance second-person", [510, 17]),
+    recipe(STILL, "--domain site --seed 7", [510, 12]),
+    recipe(HAND, "--domain site --seed 7 --circumstance hand", [510, 12]),
+    recipe(BODY, "--domain site --seed 7 --circumstance body", [510, 12]),
+    recipe(SECOND, "--domain site --seed 7 --circumstance second-person", [510, 12]),
     site_by(FEWER_LOOPS),
     site_by(FEWER_SAMPLES),
     site_by(FEWER_TRANSMITTERS),

@@ -37,9 +37,13 @@ pub(super) struct Point {
     pub(super) runs: Vec<(String, String)>,
 }
 
+/// The smallest maps that there are, points.
+const LEAST_POINTS: usize = 16;
+
 /// All of them, planned.
 pub(super) fn points(plan: &mut Plan) -> anyhow::Result<Vec<Point>> {
     let usual = plan.scale.network.clone();
+    let half = (usual.points / 2).max(LEAST_POINTS);
     let changed = |change: &dyn Fn(&mut NetworkConfig)| {
         let mut network = usual.clone();
         change(&mut network);
@@ -67,7 +71,7 @@ pub(super) fn points(plan: &mut Plan) -> anyhow::Result<Vec<Point>> {
     let smallest = Shape {
         angle: AngleMap::None,
         ..changed(&|network| {
-            network.points /= 2;
+            network.points = half;
             network.maps[2] = false;
             (network.radar.stack, network.tags.stack) = (4, 6);
             for branch in [&mut network.radar, &mut network.tags] {
@@ -78,7 +82,7 @@ pub(super) fn points(plan: &mut Plan) -> anyhow::Result<Vec<Point>> {
     };
     let without_angles = Shape { angle: AngleMap::None, ..changed(&|network| network.maps[2] = false) };
     use Varied::{All, Angles, Antennas, Maps, Network};
-    let side = |factor: f64| format!("maps of {}", usual.points as f64 * factor);
+    let side = |points: usize| format!("maps of {points}");
     let wide = |factor: f64| format!("width {}", usual.radar.width as f64 * factor);
     let named = |name: &str| name.to_owned();
     let networks = [
@@ -90,9 +94,9 @@ pub(super) fn points(plan: &mut Plan) -> anyhow::Result<Vec<Point>> {
         (named("1 layer"), Network, layers(1)),
         (named("3 layers"), Network, layers(3)),
         (named("convolutions"), Network, changed(&|network| network.encoder = encoder)),
-        (side(0.5), Maps, changed(&|network| network.points /= 2)),
+        (side(half), Maps, changed(&|network| network.points = half)),
         (
-            side(2.0),
+            side(2 * usual.points),
             Maps,
             changed(&|network| (network.points, network.encoder) = (2 * network.points, finer)),
         ),
