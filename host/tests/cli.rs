@@ -39,6 +39,16 @@ fn text(path: &Path) -> &str {
 }
 
 #[test]
+fn a_reader_who_has_read_enough_is_no_failure_of_ours() {
+    let command = env!("CARGO_BIN_EXE_rfhoi");
+    let (reader, writer) = std::io::pipe().unwrap();
+    drop(reader);
+    let output = Command::new(command).args(["plan", "kitchen"]).stdout(writer).output().unwrap();
+    assert_eq!(output.status.code(), Some(128 + 13));
+    assert!(output.stderr.is_empty(), "{}", String::from_utf8_lossy(&output.stderr));
+}
+
+#[test]
 fn replay_of_the_shipped_recording() {
     let folder = tempfile::tempdir().unwrap();
     let out = folder.path().join("out");

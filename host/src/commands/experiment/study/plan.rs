@@ -42,10 +42,10 @@ impl Scale {
             quick: false,
             // Names have as many dimensions as they have; see `Plan::new`.
             network: NetworkConfig::small(1),
-            pre_samples: 6_000,
+            pre_samples: 12_000,
             pre_epochs: 8,
-            fine_epochs: 15,
-            scratch_epochs: 40,
+            fine_epochs: 12,
+            scratch_epochs: 25,
             seeds: 3,
         }
     }
