@@ -14,6 +14,8 @@ struct Speed {
     title: &'static str,
     axis: &'static str,
     unit: &'static str,
+    /// Whether equal factors are equally long: where it spans some.
+    logarithmic: bool,
     of: fn(&Row) -> f64,
     /// Which rows differ in it.
     shown: fn(&Row) -> bool,
@@ -24,6 +26,7 @@ const SPEEDS: [Speed; 3] = [
         title: "From the last packet to the answer",
         axis: "host, one thread",
         unit: "ms",
+        logarithmic: true,
         of: |row| row.host_ms,
         shown: |_| true,
     },
@@ -31,6 +34,7 @@ const SPEEDS: [Speed; 3] = [
         title: "On the bridge",
         axis: "instructions a frame",
         unit: "million",
+        logarithmic: false,
         of: |row| row.cost.mcu_instructions / 1e6,
         shown: |row| is_int8(row) && matches!(row.varied, None | Some(Varied::Radar)),
     },
@@ -38,6 +42,7 @@ const SPEEDS: [Speed; 3] = [
         title: "From the bridge to the host",
         axis: "maps and reads",
         unit: "kB/s",
+        logarithmic: false,
         of: |row| row.cost.host_link_bytes_s / 1e3,
         shown: |row| is_int8(row) && matches!(row.varied, None | Some(Varied::Radar | Varied::Antennas)),
     },
@@ -82,9 +87,13 @@ fn panel(chart: &Chart, speed: &Speed) -> Panel {
     let lows = rows.iter().map(|row| row.hoi.low);
     let highs = rows.iter().map(|row| row.hoi.high);
     let speeds = rows.iter().map(|row| (speed.of)(row));
+    let x = match speed.logarithmic {
+        true => Axis::logarithmic_around(speed.axis, speed.unit, speeds),
+        false => Axis::around(speed.axis, speed.unit, speeds),
+    };
     Panel::Scatter(Scatter {
         title: speed.title.into(),
-        x: Axis::logarithmic_around(speed.axis, speed.unit, speeds),
+        x,
         y: Axis::around("HOI accuracy", "%", lows.chain(highs)),
         series: series.into_iter().filter(|series| !series.points.is_empty()).collect(),
         front: Some(Front::of("Pareto front", rows.iter().map(|row| at(row)), Better::Larger)),

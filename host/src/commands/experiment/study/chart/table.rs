@@ -218,3 +218,66 @@ impl<'a> From<&'a Row> for Line<'a> {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn row(name: &str, host_ms: f64, mean: f64, default: bool) -> Row {
+        let hoi = Mean { mean, low: mean - 1.0, high: mean + 1.0, runs: 1, samples: 1_000 };
+        let stages = Stages { receive_ms: 0.1, radar_ms: 0.0, reads_ms: 0.0, features_ms: 0.0 };
+        Row {
+            name: name.into(),
+            varied: None,
+            default,
+            precision: "int8".into(),
+            backend: "own kernels".into(),
+            hoi,
+            parameters: 1,
+            map_points: 32,
+            angle: "bartlett".into(),
+            antennas: 4,
+            cost: Cost { mcu_instructions: 1e6, radar_link_bytes_s: 1e6, host_link_bytes_s: 1e3 },
+            stages,
+            network: OfNetwork { frame_ms: 0.0, answer_ms: host_ms - 0.1, window_frames: 60 },
+            host_ms,
+        }
+    }
+
+    fn sentence(rows: [(&str, f64, f64); 3]) -> String {
+        let rows = rows.map(|(name, ms, hoi)| row(name, ms, hoi, name == "default")).into();
+        Chart { simulated: true, kernels: "avx2".into(), rows }.sentence()
+    }
+
+    #[test]
+    fn what_the_default_gives_up_follows_from_the_rows() {
+        let wins = sentence([("default", 1.0, 95.0), ("slow", 4.0, 95.5), ("fast", 0.5, 90.0)]);
+        assert!(
+            wins.contains("gives up 0.5 points against the most accurate, `slow`, which takes 4.0 times")
+        );
+        assert!(wins.contains("their intervals overlap") && wins.contains("that is why it is the default"));
+        assert!(
+            wins.ends_with("The fastest of all, `fast`, takes 0.50 of its time for 90.0 [89.0, 91.0] %.")
+        );
+        let loses = sentence([("default", 1.0, 90.0), ("slow", 4.0, 95.5), ("fast", 0.5, 95.0)]);
+        assert!(loses.contains("their intervals are apart"), "{loses}");
+        assert!(
+            loses.contains("within 1 point of the most accurate is `fast`, in 0.50 of the default's time")
+        );
+        let best = sentence([("default", 1.0, 96.0), ("slow", 4.0, 95.5), ("fast", 0.5, 90.0)]);
+        assert!(best.contains("No other configuration is more accurate."), "{best}");
+    }
+
+    #[test]
+    fn the_csv_has_a_column_for_every_number() {
+        let folder = tempfile::tempdir().unwrap();
+        let rows = vec![row("default", 1.0, 95.0, true)];
+        let chart = Chart { simulated: true, kernels: "avx2".into(), rows };
+        chart.write(folder.path()).unwrap();
+        let text = std::fs::read_to_string(folder.path().join("chart.csv")).unwrap();
+        let lines: Vec<&str> = text.lines().collect();
+        assert_eq!(lines.len(), 2);
+        assert_eq!(lines[0].split(',').count(), lines[1].split(',').count());
+        assert!(lines[0].starts_with("name,precision,backend,map_points"));
+    }
+}
