@@ -24,7 +24,12 @@ impl Runs {
     /// Runs all jobs, some at a time.
     pub(super) fn all(&self, jobs: &[Job]) -> anyhow::Result<()> {
         let next = Mutex::new(jobs.iter());
-        let program = std::env::current_exe().context("cannot find this program")?;
+        // As it is running, also where its file was replaced in the meantime.
+        let running = Some(PathBuf::from("/proc/self/exe")).filter(|path| path.exists());
+        let program = match running {
+            Some(running) => running,
+            None => std::env::current_exe().context("cannot find this program")?,
+        };
         let work = || -> anyhow::Result<()> {
             loop {
                 let job = next.lock().ok().and_then(|mut jobs| jobs.next());

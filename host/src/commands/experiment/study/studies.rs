@@ -470,24 +470,30 @@ fn synthetic(plan: &mut Plan) -> anyhow::Result<Study> {
     })
 }
 
+/// Both radios, and each by itself: whose trouble it is.
+const RADIOS: [(&str, Fusion); 3] =
+    [("fusion", Fusion::Concat), ("tags alone", Fusion::Rfid), ("radar alone", Fusion::Radar)];
+
 /// The networks of the site, on sets that were never learnt from.
 fn elsewhere(
     plan: &mut Plan,
     places: &[(&str, &'static str)],
     keep: fn(&Listed) -> bool,
 ) -> anyhow::Result<Vec<Arm>> {
-    let network = plan.scale.network.clone();
     let mut arms = Vec::new();
-    for &(label, set) in places {
-        let samples = plan.which(set, keep)?;
-        let mut runs = Vec::new();
-        for seed in seeds(plan) {
-            let split = plan.split(sets::SITE, seed)?;
-            let test = plan.test(label, set, samples.clone())?;
-            let learn = (sets::SITE, split.learn);
-            runs.push(once(plan, &network, Before::PreTrained, learn, test, |r| r.seed = seed)?);
+    for (series, fusion) in RADIOS {
+        let network = NetworkConfig { fusion, ..plan.scale.network.clone() };
+        for &(label, set) in places {
+            let samples = plan.which(set, keep)?;
+            let mut runs = Vec::new();
+            for seed in seeds(plan) {
+                let split = plan.split(sets::SITE, seed)?;
+                let test = plan.test(label, set, samples.clone())?;
+                let learn = (sets::SITE, split.learn);
+                runs.push(once(plan, &network, Before::PreTrained, learn, test, |r| r.seed = seed)?);
+            }
+            arms.push(Arm { series: series.into(), at: At::Label(label.into()), runs, paper: None });
         }
-        arms.push(Arm { series: "HOI".into(), at: At::Label(label.into()), runs, paper: None });
     }
     Ok(arms)
 }
