@@ -38,7 +38,8 @@ impl Share {
         let (n, p) = (f64::from(self.of), self.value());
         let middle = (p + Z95 * Z95 / (2.0 * n)) / (1.0 + Z95 * Z95 / n);
         let half = Z95 / (1.0 + Z95 * Z95 / n) * (p * (1.0 - p) / n + Z95 * Z95 / (4.0 * n * n)).sqrt();
-        ((middle - half).max(0.0), (middle + half).min(1.0))
+        // Of none and of all the ends are exact; rounding would put them past the share.
+        ((middle - half).clamp(0.0, p), (middle + half).clamp(p, 1.0))
     }
 }
 
@@ -198,6 +199,8 @@ mod tests {
         // Wilson's interval of 8 of 10 (Newcombe 1998 gives 0.4902 to 0.9433).
         let (low, high) = Share { hits: 8, of: 10 }.interval();
         assert!((low - 0.4902).abs() < 1e-4 && (high - 0.9433).abs() < 1e-4);
+        assert_eq!(Share { hits: 0, of: 31 }.interval().0, 0.0);
+        assert_eq!(Share { hits: 31, of: 31 }.interval().1, 1.0);
         let (mean, half) = mean_interval(&[1.0, 2.0, 3.0]).unwrap();
         assert!((mean - 2.0).abs() < 1e-9 && (half - 4.303 / 3f64.sqrt()).abs() < 1e-9);
         assert_eq!(mean_interval(&[1.0]), None);

@@ -49,7 +49,7 @@ fn the_same_options_give_the_same_bytes_with_any_number_of_workers() {
     };
     let first = make("a", options(&scenes, 40));
     let names: Vec<&str> = first.iter().map(|(name, _)| name.as_str()).collect();
-    assert_eq!(names, ["manifest.json", "shard-00000.npz", "shard-00001.npz"]);
+    assert_eq!(names, [MANIFEST, PROFILE, "shard-00000.npz", "shard-00001.npz"]);
     assert!(first == make("b", Options { workers: 1, ..options(&scenes, 40) }));
     let mut other = options(&scenes, 40);
     other.wanted.seed = 6;
