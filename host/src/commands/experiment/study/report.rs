@@ -34,12 +34,16 @@ impl Report {
     pub(in super::super) fn run(&self, json: bool) -> anyhow::Result<()> {
         let mut page = HEAD.to_owned();
         page.push_str(&made_by(&self.out)?);
+        let table = |name: &Name| self.out.join(format!("{}.json", name.name()));
+        let (there, missing): (Vec<Name>, Vec<Name>) =
+            Name::ALL.into_iter().partition(|name| table(name).is_file());
+        if !missing.is_empty() {
+            let names: Vec<&str> = missing.iter().map(|name| name.name()).collect();
+            page.push_str(&format!("\nNot run in full yet: {}.\n", names.join(", ")));
+        }
         let mut told = Vec::new();
-        for name in Name::ALL {
-            let path = self.out.join(format!("{}.json", name.name()));
-            if !path.is_file() {
-                continue;
-            }
+        for name in there {
+            let path = table(&name);
             let table = Table::read(&path)?;
             let file = format!("{}.svg", table.name);
             picture(&table).save(self.out.join(&file))?;
