@@ -5,7 +5,7 @@
 //!   --[table]--> chart.json, chart.csv, chart.md      rows --[picture]--> chart.svg, chart.png
 //! ```
 //!
-//! Each configuration differs from the default in one respect, but for the last, which differs in all. It is trained as the
+//! Each configuration differs from the default in one respect, but for `smallest`, which differs in several. It is trained as the
 //! studies train, int8 and f32 are measured on the same samples, and all are timed one after the other in one process.
 
 mod cost;

@@ -2,6 +2,7 @@
 
 use rfhoi::plot::{Axis, Better, Figure, Front, Marker, Panel, Scatter, ScatterPoint, ScatterSeries};
 
+use super::Way;
 use super::points::Varied;
 use super::table::{Chart, Row};
 
@@ -48,15 +49,17 @@ const SPEEDS: [Speed; 3] = [
     },
 ];
 
-/// What runs a network, and its marker; f32 is hollow.
-const WAYS: [(&str, &str, Marker); 3] = [
-    ("int8", "own kernels", Marker::Circle),
-    ("f32", "Burn flex", Marker::Square),
-    ("f32", "Burn ndarray", Marker::Triangle),
-];
+/// Its marker; f32 is hollow.
+fn marker(way: Way) -> Marker {
+    match way {
+        Way::Int8 => Marker::Circle,
+        Way::Flex => Marker::Square,
+        Way::Ndarray => Marker::Triangle,
+    }
+}
 
 fn is_int8(row: &Row) -> bool {
-    row.precision == "int8"
+    row.precision == Way::Int8.precision()
 }
 
 pub(super) fn picture(chart: &Chart) -> Figure {
@@ -74,15 +77,11 @@ fn panel(chart: &Chart, speed: &Speed) -> Panel {
         let point = ScatterPoint::new(at(row), label).with_interval(row.hoi.low, row.hoi.high);
         if row.default { point.as_default() } else { point }
     };
-    let series = WAYS.map(|(precision, backend, marker)| ScatterSeries {
-        name: format!("{precision}, {backend}"),
-        marker,
-        hollow: precision == "f32",
-        points: rows
-            .iter()
-            .filter(|row| row.precision == precision && row.backend == backend)
-            .map(point)
-            .collect(),
+    let series = Way::ALL.map(|way| ScatterSeries {
+        name: format!("{}, {}", way.precision(), way.backend()),
+        marker: marker(way),
+        hollow: way != Way::Int8,
+        points: rows.iter().filter(|row| row.backend == way.backend()).map(point).collect(),
     });
     let lows = rows.iter().map(|row| row.hoi.low);
     let highs = rows.iter().map(|row| row.hoi.high);

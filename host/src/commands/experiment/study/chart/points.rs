@@ -23,7 +23,7 @@ pub(super) enum Varied {
     Antennas,
     /// The radar's profile.
     Radar,
-    /// Everything.
+    /// The network, its maps and angles at a time.
     All,
 }
 

@@ -6,6 +6,7 @@ use anyhow::Context;
 use rfhoi::atomic;
 use serde::Serialize;
 
+use super::Way;
 use super::cost::Cost;
 use super::points::Varied;
 use crate::commands::experiment::stages::{OfNetwork, Stages};
@@ -46,7 +47,8 @@ pub(super) struct Row {
 impl Chart {
     /// Rows in int8, by rising time.
     fn fast(&self) -> Vec<&Row> {
-        let mut rows: Vec<&Row> = self.rows.iter().filter(|row| row.precision == "int8").collect();
+        let mut rows: Vec<&Row> =
+            self.rows.iter().filter(|row| row.precision == Way::Int8.precision()).collect();
         rows.sort_by(|a, b| a.host_ms.total_cmp(&b.host_ms));
         rows
     }
