@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use rfhoi_firmware::mmwave::TextError;
-use rfhoi_firmware::mmwave::cfg::{Board, CliProfile};
+use rfhoi_firmware::mmwave::cfg::{self, Board, CliProfile, DemoOptions, LvdsStream};
 use rfhoi_firmware::mmwave::studio::StudioProfile;
 use rfhoi_shared::array::{AntennaArray, Mounting};
 use rfhoi_shared::radar::{IqOrder, MAX_TX_SLOTS, ProfileError, RadarProfile, SampleFormat};
@@ -124,6 +124,13 @@ pub fn load(source: &str, board: Board) -> Result<RadarProfile, ProfileFileError
         CliProfile::parse(&text, board).map(|p| p.radar)
     };
     parsed.map_err(|error| ProfileFileError::Text { path: path.to_path_buf(), error })
+}
+
+/// `profile` as a CLI profile of the stock demo with raw samples on LVDS, which [`load`] reads; `None` where it cannot be said so.
+pub fn text(profile: &RadarProfile) -> Option<String> {
+    let demo = DemoOptions { lvds: LvdsStream::RAW, ..DemoOptions::default() };
+    let mut text = String::new();
+    cfg::write(profile, &demo, &mut text).ok().map(|_| text)
 }
 
 impl Changes {

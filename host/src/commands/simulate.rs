@@ -21,7 +21,6 @@ use rfhoi::simulate::sample::epoch;
 use rfhoi::simulate::scene::{SITE, Scene};
 use rfhoi::simulate::session::{self, Session};
 use rfhoi::simulate::set;
-use rfhoi_firmware::mmwave::cfg::{self, DemoOptions, LvdsStream};
 use rfhoi_shared::units::BridgeTime;
 use serde::Serialize;
 
@@ -446,9 +445,7 @@ impl Simulate {
         let progress = Progress::new(format!("simulating {name}"))?;
         let summary = record(file, &session, &mut radar, &mut reader, &mut |share| progress.show(share))?;
         drop(progress);
-        let mut text = String::new();
-        let demo = DemoOptions { lvds: LvdsStream::RAW, ..DemoOptions::default() };
-        cfg::write(&scene.radar.profile, &demo, &mut text)
+        let text = rfhoi::profile::text(&scene.radar.profile)
             .context("this profile cannot be written as a CLI profile")?;
         atomic::write(&beside, text.as_bytes())?;
         let recorded = Recorded {

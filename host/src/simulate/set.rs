@@ -30,7 +30,6 @@ use std::path::{Path, PathBuf};
 
 use ndarray::{Array1, Array2, Array3};
 use rfhoi_firmware::dsp::level;
-use rfhoi_firmware::mmwave::cfg::{self, DemoOptions, LvdsStream};
 use rfhoi_shared::config::Processing;
 use rfhoi_shared::fnv;
 use rfhoi_shared::units::BridgeTime;
@@ -45,6 +44,7 @@ use crate::atomic::{self, WriteError};
 use crate::hoi::{Action, Object};
 use crate::jobs::Jobs;
 use crate::npz::{Npz, NpzError};
+use crate::profile;
 
 /// Name of the file that describes a set.
 pub const MANIFEST: &str = "manifest.json";
@@ -173,12 +173,8 @@ pub fn write(
     if path.is_file() {
         compare(folder, &path, &manifest)?;
     }
-    let mut cfg = String::new();
-    let demo = DemoOptions { lvds: LvdsStream::RAW, ..DemoOptions::default() };
-    if let Some(scene) = scenes.first()
-        && cfg::write(&scene.radar.profile, &demo, &mut cfg).is_ok()
-    {
-        atomic::write(folder.join(PROFILE), cfg.as_bytes())?;
+    if let Some(text) = scenes.first().and_then(|scene| profile::text(&scene.radar.profile)) {
+        atomic::write(folder.join(PROFILE), text.as_bytes())?;
     }
     // Until all shards are there it is not complete, also where one was taken away.
     atomic::write(&path, &text(&manifest))?;
