@@ -23,17 +23,19 @@ mod table;
 use std::path::PathBuf;
 
 use anyhow::{Context, ensure};
-use clap::Args;
+use clap::error::ErrorKind;
+use clap::{ArgMatches, Args, Command, FromArgMatches, Subcommand};
 use rfhoi::atomic;
 
 pub(super) use report::Report;
 pub(super) use run::RunArgs;
 pub(super) use sets::Sets;
-pub(super) use studies::Name;
+pub(super) use studies::STUDIES;
 
 use super::runs::{Job, Runs, cores, path};
 use crate::commands::listen_for_ctrl_c;
 use plan::{Plan, Scale};
+use studies::Study;
 use table::Table;
 
 /// How large the studies of a folder were.
@@ -100,15 +102,15 @@ impl StudyArgs {
         Ok(())
     }
 
-    /// Does all that `names` need and writes their tables.
-    pub(super) fn run(&self, names: &[Name], json: bool) -> anyhow::Result<()> {
+    /// Does all that `studies` need and writes their tables.
+    pub(super) fn run(&self, studies: &[Study], json: bool) -> anyhow::Result<()> {
         listen_for_ctrl_c()?;
         let mut plan = Plan::new(&self.sets, self.scale())?;
-        let studies = names.iter().map(|name| name.study(&mut plan)).collect::<anyhow::Result<Vec<_>>>()?;
+        let arms = studies.iter().map(|study| (study.arms)(&mut plan)).collect::<anyhow::Result<Vec<_>>>()?;
         self.train(&plan)?;
-        for (study, name) in studies.iter().zip(names) {
-            let mut table = Table::of(study, &self.runs())?;
-            if *name == Name::Scenes {
+        for (study, arms) in studies.iter().zip(arms) {
+            let mut table = Table::of(study, &arms, &self.runs())?;
+            if study.name == scenes::NAME {
                 table.costs = scenes::costs()?;
             }
             ensure!(!table.rows.is_empty(), "{} has nothing to compare", study.name);
@@ -126,5 +128,47 @@ impl StudyArgs {
     fn write_scale(&self) -> anyhow::Result<()> {
         let scale = serde_json::to_vec_pretty(&self.scale())?;
         atomic::write(self.out.join(SCALE), &scale).context("cannot write how large it was")
+    }
+}
+
+/// One study, chosen on the command line by its name.
+#[derive(Debug)]
+pub(super) struct Chosen {
+    study: &'static Study,
+    args: StudyArgs,
+}
+
+impl Chosen {
+    pub(super) fn run(&self, json: bool) -> anyhow::Result<()> {
+        self.args.run(std::slice::from_ref(self.study), json)
+    }
+}
+
+impl FromArgMatches for Chosen {
+    fn from_arg_matches(matches: &ArgMatches) -> Result<Self, clap::Error> {
+        let chosen = matches.subcommand();
+        let study = chosen.and_then(|(name, args)| Some((STUDIES.iter().find(|s| s.name == name)?, args)));
+        let (study, args) = study.ok_or_else(|| clap::Error::new(ErrorKind::InvalidSubcommand))?;
+        Ok(Self { study, args: StudyArgs::from_arg_matches(args)? })
+    }
+
+    fn update_from_arg_matches(&mut self, matches: &ArgMatches) -> Result<(), clap::Error> {
+        *self = Self::from_arg_matches(matches)?;
+        Ok(())
+    }
+}
+
+impl Subcommand for Chosen {
+    fn augment_subcommands(command: Command) -> Command {
+        let of = |study: &Study| StudyArgs::augment_args(Command::new(study.name)).about(study.title);
+        command.subcommands(STUDIES.iter().map(of))
+    }
+
+    fn augment_subcommands_for_update(command: Command) -> Command {
+        Self::augment_subcommands(command)
+    }
+
+    fn has_subcommand(name: &str) -> bool {
+        STUDIES.iter().any(|study| study.name == name)
     }
 }

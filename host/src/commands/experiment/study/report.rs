@@ -9,7 +9,7 @@ use serde_json::Value;
 
 use super::picture::picture;
 use super::scenes;
-use super::studies::Name;
+use super::studies::{STUDIES, Study};
 use super::table::{Row, Table};
 
 /// What stands above all tables.
@@ -34,17 +34,16 @@ impl Report {
     pub(in super::super) fn run(&self, json: bool) -> anyhow::Result<()> {
         let mut page = HEAD.to_owned();
         page.push_str(&made_by(&self.out)?);
-        let table = |name: &Name| self.out.join(format!("{}.json", name.name()));
-        let (there, missing): (Vec<Name>, Vec<Name>) =
-            Name::ALL.into_iter().partition(|name| table(name).is_file());
+        let table = |study: &Study| self.out.join(format!("{}.json", study.name));
+        let (there, missing): (Vec<&Study>, Vec<&Study>) =
+            STUDIES.iter().partition(|study| table(study).is_file());
         if !missing.is_empty() {
-            let names: Vec<&str> = missing.iter().map(|name| name.name()).collect();
+            let names: Vec<&str> = missing.iter().map(|study| study.name).collect();
             page.push_str(&format!("\nNot run in full yet: {}.\n", names.join(", ")));
         }
         let mut told = Vec::new();
-        for name in there {
-            let path = table(&name);
-            let table = Table::read(&path)?;
+        for study in there {
+            let table = Table::read(&table(study))?;
             let file = format!("{}.svg", table.name);
             picture(&table).save(self.out.join(&file))?;
             page.push_str(&section(&table, &file));

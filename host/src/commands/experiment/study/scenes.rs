@@ -9,6 +9,9 @@ use serde::{Deserialize, Serialize};
 
 use super::sets::SCENES;
 
+/// Of the study of the scenes' accuracy.
+pub(super) const NAME: &str = "scenes";
+
 /// A scene's costs.
 #[derive(Debug, Clone, Serialize, Deserialize)]
 pub(super) struct Costs {

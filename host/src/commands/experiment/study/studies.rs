@@ -10,95 +10,138 @@ use rfhoi_network::train::Recipe;
 
 use super::plan::{Before, Plan, USUAL};
 use super::run::Test;
+use super::scenes;
 use super::sets::{self, Seen};
-use super::table::{Arm, At, Study};
+use super::table::{Arm, At};
 
 /// Shares of the site's samples to learn from, of those that are there.
 const SHARES: [f64; 4] = [0.17, 0.33, 0.67, 1.0];
 /// Both ways to begin.
 const BEFORE: [(&str, Before); 2] = [("pre-trained", Before::PreTrained), ("from scratch", Before::Scratch)];
 
-/// A study.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(in super::super) enum Name {
-    Modality,
-    PreTraining,
-    Setups,
-    Factors,
-    Pairs,
-    Objects,
-    Fusion,
-    Encoders,
-    Antennas,
-    LossWeight,
-    Synthetic,
-    Occlusion,
-    SecondPerson,
-    FineTuning,
-    Scenes,
-}
-
-impl Name {
-    pub(in super::super) const ALL: [Self; 15] = [
-        Self::Modality,
-        Self::PreTraining,
-        Self::Setups,
-        Self::Factors,
-        Self::Pairs,
-        Self::Objects,
-        Self::Fusion,
-        Self::Encoders,
-        Self::Antennas,
-        Self::LossWeight,
-        Self::Synthetic,
-        Self::Occlusion,
-        Self::SecondPerson,
-        Self::FineTuning,
-        Self::Scenes,
-    ];
-
+/// Some arms held against each other.
+#[derive(Debug)]
+pub(in super::super) struct Study {
     /// As in the command and in names of files.
-    pub(super) fn name(self) -> &'static str {
-        match self {
-            Self::Modality => "modality",
-            Self::PreTraining => "pre-training",
-            Self::Setups => "setups",
-            Self::Factors => "factors",
-            Self::Pairs => "pairs",
-            Self::Objects => "objects",
-            Self::Fusion => "fusion",
-            Self::Encoders => "encoders",
-            Self::Antennas => "antennas",
-            Self::LossWeight => "loss-weight",
-            Self::Synthetic => "synthetic",
-            Self::Occlusion => "occlusion",
-            Self::SecondPerson => "second-person",
-            Self::FineTuning => "fine-tuning",
-            Self::Scenes => "scenes",
-        }
-    }
-
-    /// Plans it.
-    pub(super) fn study(self, plan: &mut Plan) -> anyhow::Result<Study> {
-        match self {
-            Self::Modality => modality(plan),
-            Self::PreTraining => pre_training(plan),
-            Self::Setups => setups(plan),
-            Self::Factors => factors(plan),
-            Self::Pairs => pairs(plan),
-            Self::Objects => objects(plan),
-            Self::Fusion => fusion(plan),
-            Self::Encoders => encoders(plan),
-            Self::Antennas => antennas(plan),
-            Self::LossWeight => loss_weight(plan),
-            Self::Synthetic => synthetic(plan),
-            Self::Occlusion => occlusion(plan),
-            Self::SecondPerson => second_person(plan),
-            Self::FineTuning => fine_tuning(plan),
-            Self::Scenes => scenes(plan),
-        }
-    }
+    pub(super) name: &'static str,
+    /// In the command's help and above the table.
+    pub(super) title: &'static str,
+    /// Of the paper.
+    pub(super) section: &'static str,
+    /// What the arms are arranged by.
+    pub(super) axis: &'static str,
+    /// Plans what it compares.
+    pub(super) arms: fn(&mut Plan) -> anyhow::Result<Vec<Arm>>,
 }
+
+/// All of them, as help and report have them.
+pub(in super::super) static STUDIES: [Study; 15] = [
+    Study {
+        name: "modality",
+        title: "What each radio brings, against the amount of fine-tuning data",
+        section: "5.2",
+        axis: "of the samples to fine-tune on, %",
+        arms: modality,
+    },
+    Study {
+        name: "pre-training",
+        title: "With and without pre-training, against the amount of fine-tuning data",
+        section: "5.4.3",
+        axis: "of the samples to fine-tune on, %",
+        arms: pre_training,
+    },
+    Study {
+        name: "setups",
+        title: "Setups that were not learnt from, against how many were, five samples of each",
+        section: "5.4.4",
+        axis: "setups that were learnt from",
+        arms: setups,
+    },
+    Study {
+        name: "factors",
+        title: "Samples of one value of a factor, which was learnt from or kept out",
+        section: "2.2",
+        axis: "factor",
+        arms: factors,
+    },
+    Study {
+        name: "pairs",
+        title: "Pairs of an action and an object that were not fine-tuned on, though each of both was",
+        section: "5.4.1",
+        axis: "pairs that were kept out",
+        arms: pairs,
+    },
+    Study {
+        name: "objects",
+        title: "Picking up and putting down things that were never learnt from",
+        section: "5.4.2",
+        axis: "objects",
+        arms: objects,
+    },
+    Study {
+        name: "fusion",
+        title: "How the branches are joined",
+        section: "5.5.1",
+        axis: "fusion",
+        arms: fusion,
+    },
+    Study {
+        name: "encoders",
+        title: "Encoders of the radar, from scratch",
+        section: "5.5.2",
+        axis: "encoder",
+        arms: encoders,
+    },
+    Study {
+        name: "antennas",
+        title: "Antennas of the reader, from scratch",
+        section: "5.5.3",
+        axis: "antennas",
+        arms: antennas,
+    },
+    Study {
+        name: "loss-weight",
+        title: "Weight of the target's loss beside the action's, from scratch",
+        section: "5.5.4",
+        axis: "weight",
+        arms: loss_weight,
+    },
+    Study {
+        name: "synthetic",
+        title: "Amount of simulated data to pre-train on",
+        section: "5.5.5",
+        axis: "of the pre-training samples, %",
+        arms: synthetic,
+    },
+    Study {
+        name: "occlusion",
+        title: "The target's tag under the hand, other things behind the person; the same performances",
+        section: "5.6.1",
+        axis: "occlusion",
+        arms: occlusion,
+    },
+    Study {
+        name: "second-person",
+        title: "Somebody else busy in the room; the same performances",
+        section: "5.6.2",
+        axis: "people",
+        arms: second_person,
+    },
+    Study {
+        name: "fine-tuning",
+        title: "Time to fine-tune, on one core of the machine that the report names",
+        section: "5.7.1",
+        axis: "fine-tuning, s",
+        arms: fine_tuning,
+    },
+    Study {
+        name: scenes::NAME,
+        title: "No more than a scene needs: the planner's radar and the paper's",
+        section: "4.1",
+        axis: "scene",
+        arms: scenes,
+    },
+];
 
 fn first(samples: &[usize], share: f64) -> Vec<usize> {
     samples[..((samples.len() as f64 * share).round() as usize).clamp(1, samples.len())].to_vec()
@@ -142,7 +185,7 @@ fn on_site(
         .collect()
 }
 
-fn modality(plan: &mut Plan) -> anyhow::Result<Study> {
+fn modality(plan: &mut Plan) -> anyhow::Result<Vec<Arm>> {
     let networks = [
         ("fusion", Fusion::Concat, 96.97),
         ("no fusion", Fusion::None, 77.10),
@@ -161,16 +204,10 @@ fn modality(plan: &mut Plan) -> anyhow::Result<Study> {
             arms.push(Arm { series: series.into(), at: At::Number(100.0 * share), runs, paper });
         }
     }
-    Ok(Study {
-        name: Name::Modality.name(),
-        title: "What each radio brings, against the amount of fine-tuning data",
-        section: "5.2",
-        axis: "of the samples to fine-tune on, %",
-        arms,
-    })
+    Ok(arms)
 }
 
-fn pre_training(plan: &mut Plan) -> anyhow::Result<Study> {
+fn pre_training(plan: &mut Plan) -> anyhow::Result<Vec<Arm>> {
     let network = plan.scale.network.clone();
     let mut arms = Vec::new();
     for (series, before) in BEFORE {
@@ -179,19 +216,13 @@ fn pre_training(plan: &mut Plan) -> anyhow::Result<Study> {
             arms.push(Arm { series: series.into(), at: At::Number(100.0 * share), runs, paper: None });
         }
     }
-    Ok(Study {
-        name: Name::PreTraining.name(),
-        title: "With and without pre-training, against the amount of fine-tuning data",
-        section: "5.4.3",
-        axis: "of the samples to fine-tune on, %",
-        arms,
-    })
+    Ok(arms)
 }
 
 /// Samples of each setup that are learnt from (section 5.4.4 of the paper).
 const OF_A_SETUP: usize = 5;
 
-fn setups(plan: &mut Plan) -> anyhow::Result<Study> {
+fn setups(plan: &mut Plan) -> anyhow::Result<Vec<Arm>> {
     let network = plan.scale.network.clone();
     let samples = plan.listing(sets::SETUPS)?.samples.clone();
     let there = samples.iter().filter_map(|sample| sample.setup.number).max().map_or(0, |most| most + 1);
@@ -215,13 +246,7 @@ fn setups(plan: &mut Plan) -> anyhow::Result<Study> {
             arms.push(Arm { series: series.into(), at: At::Number(seen as f64), runs, paper: None });
         }
     }
-    Ok(Study {
-        name: Name::Setups.name(),
-        title: "Setups that were not learnt from, against how many were, five samples of each",
-        section: "5.4.4",
-        axis: "setups that were learnt from",
-        arms,
-    })
+    Ok(arms)
 }
 
 /// A factor, and whether a sample has the value of it that is kept out.
@@ -235,7 +260,7 @@ const FACTORS: [Factor; 4] = [
     ("room", |sample| sample.setup.scene == 2),
 ];
 
-fn factors(plan: &mut Plan) -> anyhow::Result<Study> {
+fn factors(plan: &mut Plan) -> anyhow::Result<Vec<Arm>> {
     let network = plan.scale.network.clone();
     let samples = plan.listing(sets::SITE)?.samples.clone();
     let mut arms = Vec::new();
@@ -260,13 +285,7 @@ fn factors(plan: &mut Plan) -> anyhow::Result<Study> {
             }
         }
     }
-    Ok(Study {
-        name: Name::Factors.name(),
-        title: "Samples of one value of a factor, which was learnt from or kept out",
-        section: "2.2",
-        axis: "factor",
-        arms,
-    })
+    Ok(arms)
 }
 
 /// Some categories without which all actions and all objects are still there.
@@ -290,7 +309,7 @@ fn is_of(sample: &Listed, categories: &[Category]) -> bool {
     sample.label.is_some_and(of)
 }
 
-fn pairs(plan: &mut Plan) -> anyhow::Result<Study> {
+fn pairs(plan: &mut Plan) -> anyhow::Result<Vec<Arm>> {
     let network = plan.scale.network.clone();
     let samples = plan.listing(sets::SITE)?.samples.clone();
     let mut arms = Vec::new();
@@ -309,16 +328,10 @@ fn pairs(plan: &mut Plan) -> anyhow::Result<Study> {
             arms.push(Arm { series: series.into(), at: At::Number(count as f64), runs, paper });
         }
     }
-    Ok(Study {
-        name: Name::Pairs.name(),
-        title: "Pairs of an action and an object that were not fine-tuned on, though each of both was",
-        section: "5.4.1",
-        axis: "pairs that were kept out",
-        arms,
-    })
+    Ok(arms)
 }
 
-fn objects(plan: &mut Plan) -> anyhow::Result<Study> {
+fn objects(plan: &mut Plan) -> anyhow::Result<Vec<Arm>> {
     let network = plan.scale.network.clone();
     let unseen = plan.which(sets::UNSEEN, |_| true)?;
     let seen = plan.listing(sets::SITE)?.samples.clone();
@@ -356,16 +369,10 @@ fn objects(plan: &mut Plan) -> anyhow::Result<Study> {
             arms.push(Arm { series: series.into(), at: At::Label(at.into()), runs, paper: Some(paper) });
         }
     }
-    Ok(Study {
-        name: Name::Objects.name(),
-        title: "Picking up and putting down things that were never learnt from",
-        section: "5.4.2",
-        axis: "objects",
-        arms,
-    })
+    Ok(arms)
 }
 
-fn fusion(plan: &mut Plan) -> anyhow::Result<Study> {
+fn fusion(plan: &mut Plan) -> anyhow::Result<Vec<Arm>> {
     let ways =
         [("side by side", Fusion::Concat), ("FiLM", Fusion::Film), ("cross-attention", Fusion::Attention)];
     let mut arms = Vec::new();
@@ -374,19 +381,13 @@ fn fusion(plan: &mut Plan) -> anyhow::Result<Study> {
         let runs = on_site(plan, &network, Before::PreTrained, USUAL, |_| {})?;
         arms.push(Arm { series: "HOI".into(), at: At::Label(at.into()), runs, paper: None });
     }
-    Ok(Study {
-        name: Name::Fusion.name(),
-        title: "How the branches are joined",
-        section: "5.5.1",
-        axis: "fusion",
-        arms,
-    })
+    Ok(arms)
 }
 
 /// Virtual antennas of the radar, and beams that are learnt from them, as many as the angle map has points in a row.
 const BEAMS: Beams = Beams { antennas: 12, beams: 32 };
 
-fn encoders(plan: &mut Plan) -> anyhow::Result<Study> {
+fn encoders(plan: &mut Plan) -> anyhow::Result<Vec<Arm>> {
     let usual = plan.scale.network.clone();
     let mut xrf55 = usual.clone();
     xrf55.radar.temporal = Temporal::Convolution;
@@ -401,16 +402,10 @@ fn encoders(plan: &mut Plan) -> anyhow::Result<Study> {
         let runs = on_site(plan, &network, Before::Scratch, USUAL, |_| {})?;
         arms.push(Arm { series: "HOI".into(), at: At::Label(at.into()), runs, paper: None });
     }
-    Ok(Study {
-        name: Name::Encoders.name(),
-        title: "Encoders of the radar, from scratch",
-        section: "5.5.2",
-        axis: "encoder",
-        arms,
-    })
+    Ok(arms)
 }
 
-fn antennas(plan: &mut Plan) -> anyhow::Result<Study> {
+fn antennas(plan: &mut Plan) -> anyhow::Result<Vec<Arm>> {
     let mut arms = Vec::new();
     for (antennas, paper) in (1..).zip([74.91, 85.66, 87.20, 87.87]) {
         let network = NetworkConfig { antennas, ..plan.scale.network.clone() };
@@ -418,16 +413,10 @@ fn antennas(plan: &mut Plan) -> anyhow::Result<Study> {
         let at = At::Number(antennas as f64);
         arms.push(Arm { series: "from scratch".into(), at, runs, paper: Some(paper) });
     }
-    Ok(Study {
-        name: Name::Antennas.name(),
-        title: "Antennas of the reader, from scratch",
-        section: "5.5.3",
-        axis: "antennas",
-        arms,
-    })
+    Ok(arms)
 }
 
-fn loss_weight(plan: &mut Plan) -> anyhow::Result<Study> {
+fn loss_weight(plan: &mut Plan) -> anyhow::Result<Vec<Arm>> {
     let network = plan.scale.network.clone();
     let mut arms = Vec::new();
     let weights = [(0.005, Some(83.47)), (0.05, None), (0.5, Some(87.50)), (5.0, None), (50.0, Some(69.11))];
@@ -435,16 +424,10 @@ fn loss_weight(plan: &mut Plan) -> anyhow::Result<Study> {
         let runs = on_site(plan, &network, Before::Scratch, USUAL, |recipe| recipe.target_weight = weight)?;
         arms.push(Arm { series: "HOI".into(), at: At::Label(weight.to_string()), runs, paper });
     }
-    Ok(Study {
-        name: Name::LossWeight.name(),
-        title: "Weight of the target's loss beside the action's, from scratch",
-        section: "5.5.4",
-        axis: "weight",
-        arms,
-    })
+    Ok(arms)
 }
 
-fn synthetic(plan: &mut Plan) -> anyhow::Result<Study> {
+fn synthetic(plan: &mut Plan) -> anyhow::Result<Vec<Arm>> {
     let network = plan.scale.network.clone();
     let mut arms = Vec::new();
     let shares = [(0.2, Some(76.90)), (0.4, Some(92.84)), (0.6, None), (0.8, None), (1.0, Some(94.0))];
@@ -461,13 +444,7 @@ fn synthetic(plan: &mut Plan) -> anyhow::Result<Study> {
         }
         arms.push(Arm { series: "HOI".into(), at: At::Number(100.0 * share), runs, paper });
     }
-    Ok(Study {
-        name: Name::Synthetic.name(),
-        title: "Amount of simulated data to pre-train on",
-        section: "5.5.5",
-        axis: "of the pre-training samples, %",
-        arms,
-    })
+    Ok(arms)
 }
 
 /// Both radios, and each by itself: whose trouble it is.
@@ -498,7 +475,7 @@ fn elsewhere(
     Ok(arms)
 }
 
-fn occlusion(plan: &mut Plan) -> anyhow::Result<Study> {
+fn occlusion(plan: &mut Plan) -> anyhow::Result<Vec<Arm>> {
     let places = [("none", sets::STILL), ("hand", sets::HAND), ("body", sets::BODY)];
     // Actions in which the hand touches the object, as in the paper.
     let touches = |sample: &Listed| {
@@ -506,28 +483,16 @@ fn occlusion(plan: &mut Plan) -> anyhow::Result<Study> {
         sample.label.is_some_and(|(action, _)| touched.contains(&Action::ALL[action]))
     };
     let arms = elsewhere(plan, &places, touches)?;
-    Ok(Study {
-        name: Name::Occlusion.name(),
-        title: "The target's tag under the hand, other things behind the person; the same performances",
-        section: "5.6.1",
-        axis: "occlusion",
-        arms,
-    })
+    Ok(arms)
 }
 
-fn second_person(plan: &mut Plan) -> anyhow::Result<Study> {
+fn second_person(plan: &mut Plan) -> anyhow::Result<Vec<Arm>> {
     let places = [("alone", sets::STILL), ("a second person", sets::SECOND)];
     let arms = elsewhere(plan, &places, |sample| sample.label.is_some())?;
-    Ok(Study {
-        name: Name::SecondPerson.name(),
-        title: "Somebody else busy in the room; the same performances",
-        section: "5.6.2",
-        axis: "people",
-        arms,
-    })
+    Ok(arms)
 }
 
-fn fine_tuning(plan: &mut Plan) -> anyhow::Result<Study> {
+fn fine_tuning(plan: &mut Plan) -> anyhow::Result<Vec<Arm>> {
     let network = plan.scale.network.clone();
     let epochs = if plan.scale.fine_epochs > 1 { &[1, 2, 4, 8, 15, 30][..] } else { &[1, 2] };
     let mut arms = Vec::new();
@@ -535,19 +500,13 @@ fn fine_tuning(plan: &mut Plan) -> anyhow::Result<Study> {
         let runs = on_site(plan, &network, Before::PreTrained, USUAL, |recipe| recipe.epochs = epochs)?;
         arms.push(Arm { series: "HOI".into(), at: At::Seconds, runs, paper: None });
     }
-    Ok(Study {
-        name: Name::FineTuning.name(),
-        title: "Time to fine-tune, on one core of the machine that the report names",
-        section: "5.7.1",
-        axis: "fine-tuning, s",
-        arms,
-    })
+    Ok(arms)
 }
 
 /// A way to see a scene, and the set that is seen so.
 type Sight = (&'static str, fn(&Seen) -> &'static str);
 
-fn scenes(plan: &mut Plan) -> anyhow::Result<Study> {
+fn scenes(plan: &mut Plan) -> anyhow::Result<Vec<Arm>> {
     let network = plan.scale.network.clone();
     let ways: [Sight; 2] =
         [("as it needs", |seen| seen.as_needed), ("the paper's radar", |seen| seen.as_paper)];
@@ -565,13 +524,7 @@ fn scenes(plan: &mut Plan) -> anyhow::Result<Study> {
             arms.push(Arm { series: series.into(), at: At::Label(seen.scene.into()), runs, paper: None });
         }
     }
-    Ok(Study {
-        name: Name::Scenes.name(),
-        title: "No more than a scene needs: the planner's radar and the paper's",
-        section: "4.1",
-        axis: "scene",
-        arms,
-    })
+    Ok(arms)
 }
 
 #[cfg(test)]

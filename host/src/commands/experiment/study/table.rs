@@ -9,17 +9,7 @@ use serde::{Deserialize, Serialize};
 
 use super::run::Reached;
 use super::scenes::Costs;
-
-/// Some arms held against each other.
-pub(super) struct Study {
-    pub(super) name: &'static str,
-    pub(super) title: &'static str,
-    /// Of the paper.
-    pub(super) section: &'static str,
-    /// What the arms are arranged by.
-    pub(super) axis: &'static str,
-    pub(super) arms: Vec<Arm>,
-}
+use super::studies::Study;
 
 /// One setting, run once with each seed.
 pub(super) struct Arm {
@@ -183,8 +173,9 @@ fn int8(reached: &[(Reached, Metrics)], runs: &[(String, String)]) -> Option<Int
 }
 
 impl Table {
-    pub(super) fn of(study: &Study, folder: &Path) -> anyhow::Result<Self> {
-        let rows = study.arms.iter().map(|arm| Row::of(arm, folder)).collect::<anyhow::Result<_>>()?;
+    /// Of `study`, whose runs are in `folder`.
+    pub(super) fn of(study: &Study, arms: &[Arm], folder: &Path) -> anyhow::Result<Self> {
+        let rows = arms.iter().map(|arm| Row::of(arm, folder)).collect::<anyhow::Result<_>>()?;
         Ok(Self {
             simulated: true,
             name: study.name.into(),
