@@ -6,7 +6,7 @@
 use std::hint::black_box;
 use std::time::Instant;
 
-use rfhoi_int8::{Affine, ConvShape, Kernels, Level, Out, Packed, PackedConv, Quant};
+use rfhoi_int8::{Affine, ConvShape, Kernels, Level, NARROW, Out, Packed, PackedConv, Quant};
 
 /// Rows of inputs: one frame's token, six tags', 15 of one tag, 30 and 60 frames, 30 tags of 15.
 const ROWS: [usize; 6] = [1, 6, 15, 30, 60, 450];
@@ -103,8 +103,10 @@ fn codes(count: usize) -> Vec<u8> {
     (0..count).map(|at| (at * 97 % 251) as u8).collect()
 }
 
+/// Narrow, as those of the networks.
 fn weights(count: usize) -> Vec<i8> {
-    (0..count).map(|at| (at * 89 % 255) as u8 as i8).map(|weight| weight.max(-127)).collect()
+    let steps = 2 * NARROW as usize + 1;
+    (0..count).map(|at| (at * 89 % steps) as i8 - NARROW).collect()
 }
 
 fn floats(count: usize) -> Vec<f32> {

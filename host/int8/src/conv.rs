@@ -65,6 +65,10 @@ pub(crate) struct Conv<'a> {
 }
 
 impl Work for Conv<'_> {
+    fn is_narrow(&self) -> bool {
+        self.weights.is_narrow()
+    }
+
     #[inline(always)]
     fn run<I: Isa>(mut self, isa: I) {
         self.border();

@@ -10,7 +10,7 @@ use crate::isa::Processor;
 pub enum Level {
     /// None that the target does not always have.
     Plain,
-    /// AVX2: products of 16-bit numbers, 256 bits wide.
+    /// AVX2: sums of two int8 products where weights are [narrow](crate::NARROW), else products of 16-bit numbers, 256 bits wide.
     Avx2,
     /// AVX-VNNI: sums of four int8 products, 256 bits wide.
     AvxVnni,

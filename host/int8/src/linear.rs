@@ -33,6 +33,10 @@ pub(crate) struct Linear<'a> {
 impl Work for Linear<'_> {
     const TILES: bool = true;
 
+    fn is_narrow(&self) -> bool {
+        self.weights.is_narrow()
+    }
+
     #[inline(always)]
     fn run<I: Isa>(self, isa: I) {
         let mut panels = self.panels.clone();

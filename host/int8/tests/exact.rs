@@ -6,7 +6,7 @@ use std::sync::LazyLock;
 use proptest::collection::vec;
 use proptest::prelude::*;
 use proptest::sample::select;
-use rfhoi_int8::{Affine, ConvShape, Kernels, Level, Out, Packed, PackedConv, Quant};
+use rfhoi_int8::{Affine, ConvShape, Kernels, Level, NARROW, Out, Packed, PackedConv, Quant};
 
 /// Each level that this processor has, on one to three threads.
 static KERNELS: LazyLock<Vec<Kernels>> = LazyLock::new(|| {
@@ -53,12 +53,18 @@ fn codes(count: usize, seed: u64, extreme: bool) -> Vec<u8> {
         .collect()
 }
 
-fn weights(count: usize, seed: u64, extreme: bool) -> Vec<i8> {
+/// The largest amounts of weights: of all, of narrow ones, and the first that is not.
+const LARGEST: [i8; 3] = [127, NARROW, NARROW + 1];
+
+fn weights(count: usize, seed: u64, extreme: bool, largest: i8) -> Vec<i8> {
     let mut noise = noise(seed ^ 77);
-    let sign = if noise().is_multiple_of(2) { 127 } else { -127 };
-    let mut draw =
-        || if extreme { [sign, sign, sign, -sign][noise() as usize % 4] } else { (noise() % 255) as i8 };
-    (0..count).map(|_| draw().max(-127)).collect()
+    let sign = if noise().is_multiple_of(2) { largest } else { -largest };
+    let steps = 2 * u64::from(largest.unsigned_abs()) + 1;
+    let mut draw = || {
+        let any = (noise() % steps) as i16 - i16::from(largest);
+        if extreme { [sign, sign, sign, -sign][noise() as usize % 4] } else { any as i8 }
+    };
+    (0..count).map(|_| draw()).collect()
 }
 
 fn affine_reference(sum: i32, scale: f32, bias: f32, leak: f32) -> f32 {
@@ -83,7 +89,7 @@ struct Product {
 }
 
 impl Product {
-    fn new(rows: usize, k: usize, n: usize, seed: u64, extreme: bool, leak: f32) -> Self {
+    fn new(rows: usize, k: usize, n: usize, seed: u64, (extreme, largest): (bool, i8), leak: f32) -> Self {
         let scale = floats(n, seed + 1, 1e-3);
         let bias = floats(n, seed + 2, 2.0);
         Self {
@@ -91,7 +97,7 @@ impl Product {
             k,
             n,
             input: codes(rows * k, seed, extreme),
-            weights: weights(k * n, seed, extreme),
+            weights: weights(k * n, seed, extreme, largest),
             scale,
             bias,
             leak,
@@ -154,10 +160,11 @@ proptest! {
         n in prop_oneof![select(vec![1usize, 15, 16, 17, 31, 32, 64, 65, 127, 128, 129, 150]), 1usize..=70],
         seed in any::<u32>(),
         extreme in any::<bool>(),
+        largest in select(&LARGEST[..]),
         leak in select(vec![1.0f32, 0.01, 0.0]),
         quant in quants(),
     ) {
-        Product::new(rows, k, n, seed.into(), extreme, leak).check(quant);
+        Product::new(rows, k, n, seed.into(), (extreme, largest), leak).check(quant);
     }
 
     #[test]
@@ -169,6 +176,7 @@ proptest! {
         stride in 1usize..=2,
         seed in any::<u32>(),
         extreme in any::<bool>(),
+        largest in select(&LARGEST[..]),
         leak in select(vec![1.0f32, 0.01]),
         zero in any::<u8>(),
         quant in quants(),
@@ -176,7 +184,7 @@ proptest! {
         let seed = seed.into();
         let shape = ConvShape { channels, height, width, stride };
         let input = codes(channels * height * width, seed, extreme);
-        let kernels_3x3 = weights(outputs * channels * 9, seed, extreme);
+        let kernels_3x3 = weights(outputs * channels * 9, seed, extreme, largest);
         let (scale, bias) = (floats(outputs, seed + 1, 1e-3), floats(outputs, seed + 2, 2.0));
         let mut want = Vec::new();
         let (rows, columns) = (1 + (height - 1) / stride, 1 + (width - 1) / stride);
@@ -323,17 +331,17 @@ proptest! {
 #[test]
 fn products_that_threads_share() {
     for (rows, k, n) in [(450, 128, 300), (1, 1027, 2080), (64, 1024, 1030)] {
-        for extreme in [false, true] {
-            Product::new(rows, k, n, 5, extreme, 0.01).check(Quant { inverse: 10.0, zero: 128 });
+        for numbers in [(false, 127), (true, 127), (true, NARROW)] {
+            Product::new(rows, k, n, 5, numbers, 0.01).check(Quant { inverse: 10.0, zero: 128 });
         }
     }
 }
 
 #[test]
 fn sums_fold_the_zero_point() {
-    let numbers = weights(5 * 37, 9, false);
+    let numbers = weights(5 * 37, 9, false, 127);
     let packed = Packed::new(37, 5, &numbers);
-    let conv = PackedConv::new(5, 4, &weights(5 * 36, 9, false));
+    let conv = PackedConv::new(5, 4, &weights(5 * 36, 9, false, 127));
     let codes: Vec<_> = codes(37, 3, false);
     for output in 0..5 {
         let row = &numbers[output * 37..][..37];
@@ -343,7 +351,7 @@ fn sums_fold_the_zero_point() {
         assert_eq!(dot(90), dot(0) - 90 * packed.sum(output));
         assert_eq!(
             conv.sum(output),
-            weights(5 * 36, 9, false)[output * 36..][..36].iter().map(|&w| i32::from(w)).sum()
+            weights(5 * 36, 9, false, 127)[output * 36..][..36].iter().map(|&w| i32::from(w)).sum()
         );
     }
 }

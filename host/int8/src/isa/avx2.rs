@@ -1,33 +1,59 @@
 //! AVX2, with AVX-VNNI's `vpdpbusd` or without it.
 //!
-//! AVX2's own product of u8 and s8 (`vpmaddubsw`) adds two products in 16 bits and saturates, so each lane's four numbers
-//! are widened to 16 bits, even and odd ones apart: their products then add up in the lane's 32 bits, in place.
+//! AVX2's own product of u8 and s8 (`vpmaddubsw`) adds two products in 16 bits and saturates. Weights of up to
+//! [`NARROW`](crate::NARROW) keep it from that; with others each lane's four numbers are widened to 16 bits, even and odd
+//! ones apart: their products then add up in the lane's 32 bits, in place.
 
 use std::arch::x86_64::*;
 use std::mem::transmute;
 
 use super::{Isa, LANES, QUAD, Quads, Work};
 
-#[derive(Debug, Clone, Copy)]
-pub(crate) struct Avx2<const VNNI: bool>(());
+/// How four products of a lane are made: of any weights without AVX-VNNI, of narrow ones, with AVX-VNNI.
+pub(super) const WIDENED: u8 = 0;
+const PAIRED: u8 = 1;
+pub(super) const VNNI: u8 = 2;
 
-impl<const VNNI: bool> Avx2<VNNI> {
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Avx2<const DOT: u8>(());
+
+impl<const DOT: u8> Avx2<DOT> {
     pub(super) fn detect() -> Option<Self> {
         let has = is_x86_feature_detected!("avx2")
             && is_x86_feature_detected!("fma")
-            && (!VNNI || is_x86_feature_detected!("avxvnni"));
+            && (DOT != VNNI || is_x86_feature_detected!("avxvnni"));
         has.then_some(Self(()))
     }
 }
 
+impl Avx2<WIDENED> {
+    /// Where all weights are narrow.
+    pub(super) fn paired(self) -> Avx2<PAIRED> {
+        Avx2(())
+    }
+}
+
 #[target_feature(enable = "avx2,fma")]
-fn run<W: Work>(isa: Avx2<false>, work: W) {
+fn run<const DOT: u8, W: Work>(isa: Avx2<DOT>, work: W) {
     work.run(isa);
 }
 
 #[target_feature(enable = "avx2,fma,avxvnni")]
-fn run_vnni<W: Work>(isa: Avx2<true>, work: W) {
+fn run_vnni<W: Work>(isa: Avx2<VNNI>, work: W) {
     work.run(isa);
+}
+
+/// The sum and four products in each lane, of which pairs fit 16 bits.
+///
+/// # Safety
+/// The processor must have AVX2.
+#[inline(always)]
+unsafe fn dot_paired(sum: __m256i, unsigned: __m256i, signed: __m256i) -> __m256i {
+    // SAFETY: the caller's.
+    unsafe {
+        let pairs = _mm256_maddubs_epi16(unsigned, signed);
+        _mm256_add_epi32(sum, _mm256_madd_epi16(pairs, _mm256_set1_epi16(1)))
+    }
 }
 
 /// The sum and four products in each lane, of 16 bits.
@@ -91,24 +117,29 @@ macro_rules! operations {
     )*};
 }
 
-impl<const VNNI: bool> Isa for Avx2<VNNI> {
+impl<const DOT: u8> Isa for Avx2<DOT> {
     type Bytes = Ints;
     type Ints = Ints;
     type Floats = Floats;
-    const ROWS: usize = if VNNI { 6 } else { 4 };
+    // Two sums a row, and beside them what the products take: sixteen registers hold all.
+    const ROWS: usize = match DOT {
+        WIDENED => 4,
+        PAIRED => 5,
+        _ => 6,
+    };
     const PANELS: usize = 1;
     const EIGHT_SUMS: bool = false;
 
     operations! {
         bytes(quads: &Quads) -> Ints = transmute(*quads);
         splat_bytes(quad: [u8; QUAD]) -> Ints = [_mm256_set1_epi32(i32::from_le_bytes(quad)); 2];
-        dot(sum: Ints, unsigned: Ints, signed: Ints) -> Ints = if VNNI {
-            [
+        dot(sum: Ints, unsigned: Ints, signed: Ints) -> Ints = match DOT {
+            VNNI => [
                 _mm256_dpbusd_avx_epi32(sum[0], unsigned[0], signed[0]),
                 _mm256_dpbusd_avx_epi32(sum[1], unsigned[1], signed[1]),
-            ]
-        } else {
-            [dot_wide(sum[0], unsigned[0], signed[0]), dot_wide(sum[1], unsigned[1], signed[1])]
+            ],
+            PAIRED => [dot_paired(sum[0], unsigned[0], signed[0]), dot_paired(sum[1], unsigned[1], signed[1])],
+            _ => [dot_wide(sum[0], unsigned[0], signed[0]), dot_wide(sum[1], unsigned[1], signed[1])],
         };
 
         ints(from: &[i32; LANES]) -> Ints = transmute(*from);
@@ -156,6 +187,6 @@ impl<const VNNI: bool> Isa for Avx2<VNNI> {
     #[inline(always)]
     fn run<W: Work>(self, work: W) {
         // SAFETY: `self` exists only where the processor has these features.
-        unsafe { if VNNI { run_vnni(Avx2(()), work) } else { run(Avx2(()), work) } }
+        unsafe { if DOT == VNNI { run_vnni(Avx2(()), work) } else { run(self, work) } }
     }
 }

@@ -59,7 +59,7 @@ pub(crate) trait Isa: Copy + Send + Sync {
     fn bytes(self, quads: &Quads) -> Self::Bytes;
     /// The same four in each lane.
     fn splat_bytes(self, quad: [u8; QUAD]) -> Self::Bytes;
-    /// The sum and four products of u8 and s8, exact.
+    /// The sum and four products of u8 and s8, exact; of a work that [is narrow](Work::is_narrow), only if they are.
     fn dot(self, sum: Self::Ints, unsigned: Self::Bytes, signed: Self::Bytes) -> Self::Ints;
 
     fn ints(self, from: &[i32; LANES]) -> Self::Ints;
@@ -103,6 +103,11 @@ pub(crate) trait Work {
     /// Whether it takes [`Isa::tiles`].
     const TILES: bool = false;
 
+    /// Whether all that it multiplies by is narrow ([`NARROW`](crate::NARROW)).
+    fn is_narrow(&self) -> bool {
+        false
+    }
+
     fn run<I: Isa>(self, isa: I);
 }
 
@@ -111,9 +116,9 @@ pub(crate) trait Work {
 pub(crate) enum Processor {
     Plain(plain::Plain),
     #[cfg(target_arch = "x86_64")]
-    Avx2(avx2::Avx2<false>),
+    Avx2(avx2::Avx2<{ avx2::WIDENED }>),
     #[cfg(target_arch = "x86_64")]
-    AvxVnni(avx2::Avx2<true>),
+    AvxVnni(avx2::Avx2<{ avx2::VNNI }>),
     #[cfg(target_arch = "x86_64")]
     Avx512Vnni(avx512::Avx512<false>),
     #[cfg(target_arch = "x86_64")]
@@ -159,6 +164,8 @@ impl Processor {
     pub(crate) fn run<W: Work>(self, work: W) {
         match self {
             Self::Plain(isa) => isa.run(work),
+            #[cfg(target_arch = "x86_64")]
+            Self::Avx2(isa) if work.is_narrow() => isa.paired().run(work),
             #[cfg(target_arch = "x86_64")]
             Self::Avx2(isa) => isa.run(work),
             #[cfg(target_arch = "x86_64")]
