@@ -65,7 +65,7 @@ pub(super) fn points(plan: &mut Plan) -> anyhow::Result<Vec<Point>> {
         |layers: usize| changed(&|network| (network.radar.layers, network.tags.layers) = (layers, layers));
     let antennas = |antennas: usize| changed(&|network| network.antennas = antennas);
     // As many values of a map as the default has.
-    let encoder = Encoder::Convolutions { channels: [8, 8], strides: [1, 1], pool: 4 };
+    let encoder = Encoder::Convolutions { channels: [4, 8], strides: [2, 2], pool: 1 };
     // A square of 8 points spans as much as one of 4 does on half as many.
     let finer = Encoder::Patches { size: 8, channels: 8 };
     let smallest = Shape {
