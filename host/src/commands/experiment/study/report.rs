@@ -90,21 +90,29 @@ fn made_by(out: &Path) -> anyhow::Result<String> {
         serde_json::from_slice(&text).with_context(|| format!("{} is damaged", path.display()))?;
     let [seeds, pre, fine, scratch, samples] =
         ["seeds", "pre_epochs", "fine_epochs", "scratch_epochs", "pre_samples"].map(|key| &scale[key]);
-    let (quick, size) = match scale["quick"] == true {
-        true => (" --quick", " --quick".to_owned()),
-        false => ("", format!(" --seeds {seeds} --epochs {pre} {fine} {scratch} --pre-training {samples}")),
+    let size = |seeds: &Value| match scale["quick"] == true {
+        true => " --quick".to_owned(),
+        false => format!(" --seeds {seeds} --epochs {pre} {fine} {scratch} --pre-training {samples}"),
     };
+    let quick = if scale["quick"] == true { " --quick" } else { "" };
+    let [studies, chart] = [size(seeds), size(chart_runs(out).as_ref().unwrap_or(seeds))];
     Ok(format!(
         "
 ```
 cargo build --release -p rfhoi --features train
 rfhoi experiment sets --out SETS{quick}
-rfhoi experiment all --sets SETS --out RESULTS{size}
-rfhoi chart --sets SETS --out RESULTS{size}
+rfhoi experiment all --sets SETS --out RESULTS{studies}
+rfhoi chart --sets SETS --out RESULTS{chart}
 rfhoi experiment report --out RESULTS
 ```
 "
     ))
+}
+
+/// Runs of each configuration of the chart, where it was drawn: it may have had fewer seeds than the studies.
+fn chart_runs(out: &Path) -> Option<Value> {
+    let chart: Value = serde_json::from_slice(&std::fs::read(out.join("chart.json")).ok()?).ok()?;
+    chart.pointer("/rows/0/hoi/runs").cloned()
 }
 
 fn remarks(out: &Path, name: &str) -> anyhow::Result<String> {
