@@ -12,6 +12,8 @@ use crate::sample::{Frames, MAPS, READ_CHANNELS, SCALARS, Sample, read, scalar};
 
 /// Frames by which a window may begin and end elsewhere.
 const WINDOW_FRAMES: usize = 2;
+/// Samples that are drawn to find one of the same action.
+const DRAWS: usize = 256;
 
 /// How much is done.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
@@ -24,6 +26,10 @@ pub struct Augment {
     /// Chance that a tag other than the target is not read.
     #[serde(default)]
     pub tag: f64,
+    /// Chance that of each tag the reads may be, with a chance of one half, those of another sample of the same action on the
+    /// same things: few people never show all that their tags could do together.
+    #[serde(default, skip_serializing_if = "is_none")]
+    pub exchange: f64,
     /// Chance that an antenna of the reader is dead.
     pub antenna: f64,
     /// Chance that a map is lost, in all frames.
@@ -43,12 +49,19 @@ pub struct Augment {
     pub rename: f64,
 }
 
+/// Of a chance: recipes of files that do not know it stay as they are.
+#[allow(clippy::trivially_copy_pass_by_ref, reason = "serde's signature")]
+fn is_none(chance: &f64) -> bool {
+    *chance == 0.0
+}
+
 impl Default for Augment {
     fn default() -> Self {
         Self {
             crop: 4,
             window: 0.6,
             tag: 0.0,
+            exchange: 0.0,
             antenna: 0.05,
             map: 0.05,
             frame: 0.02,
@@ -67,6 +80,7 @@ impl Augment {
         crop: 0,
         window: 0.0,
         tag: 0.0,
+        exchange: 0.0,
         antenna: 0.0,
         map: 0.0,
         frame: 0.0,
@@ -85,7 +99,8 @@ impl Augment {
             Some(window) => near(window, frames.len(), rng),
             None => self.crop(frames.len(), rng),
         };
-        let mut changed = Sample { frames: frames.part(kept), window: None, ..sample.clone() };
+        let mut changed = Sample { frames: frames.part(kept.clone()), window: None, ..sample.clone() };
+        self.exchange(&mut changed, kept.start, material, rng);
         let points = frames.points;
         let most = self.shift as i64;
         let shift = rng.random_range(-most..=most) as isize;
@@ -170,6 +185,26 @@ impl Augment {
         }
     }
 
+    /// Of a sample whose frames begin at `first`.
+    fn exchange(&self, sample: &mut Sample, first: usize, material: &Material<'_>, rng: &mut ChaCha8Rng) {
+        if self.exchange == 0.0 || !rng.random_bool(self.exchange) {
+            return;
+        }
+        let Some(other) = another(sample, material, rng) else { return };
+        let Frames { tags, antennas, .. } = sample.frames;
+        let of_tag = antennas * READ_CHANNELS;
+        let others: Vec<bool> = (0..tags).map(|_| rng.random_bool(0.5)).collect();
+        for (place, reads) in sample.frames.reads.chunks_exact_mut(of_tag).enumerate() {
+            if others[place % tags] {
+                let from = (first * tags + place) * of_tag;
+                match other.frames.reads.get(from..from + of_tag) {
+                    Some(read) => reads.copy_from_slice(read),
+                    None => reads.fill(0.0),
+                }
+            }
+        }
+    }
+
     fn unread(&self, sample: &mut Sample, rng: &mut ChaCha8Rng) {
         if self.tag == 0.0 {
             return;
@@ -197,6 +232,15 @@ impl Augment {
         }
         sample.objects[target] = new;
     }
+}
+
+/// One of the samples to learn from in which the same is done to the same things, which may be the sample itself; `None` if
+/// none was drawn.
+fn another<'a>(sample: &Sample, material: &Material<'a>, rng: &mut ChaCha8Rng) -> Option<&'a Sample> {
+    let samples = material.samples;
+    let of = |sample: &Sample| (sample.frames.tags, sample.frames.antennas, sample.action, sample.target);
+    let like = |other: &&Sample| of(other) == of(sample) && other.objects == sample.objects;
+    (0..DRAWS).map(|_| samples[rng.random_range(0..samples.len())]).find(like)
 }
 
 /// A window that begins and ends up to [`WINDOW_FRAMES`] earlier or later.
@@ -272,6 +316,50 @@ mod tests {
         Augment { gain: 30, ..Augment::NONE }.brighten(&mut maps, &mut rng);
         assert!(maps[0] != 100 && maps[0].abs_diff(100) <= 30 && maps[7] == 0);
         assert!(maps.iter().enumerate().all(|(place, code)| place == 7 || *code == maps[0]));
+    }
+
+    #[test]
+    fn tags_are_exchanged_whole_among_samples_of_one_action() {
+        let of = |action, value: f32, count| {
+            let mut frames = Frames::new(4, 8, 1);
+            for _ in 0..count {
+                let reads = [value; 8 * READ_CHANNELS];
+                frames.push(Frame {
+                    maps: &[0; MAPS * 16],
+                    scalars: &[0.0; SCALARS],
+                    reads: &reads,
+                    covariance: &[],
+                });
+            }
+            Sample { frames, objects: (0..8).collect(), action: Some(action), ..Sample::default() }
+        };
+        let (own, like, unlike) = (of(0, 1.0, 3), of(0, 2.0, 3), of(1, 9.0, 3));
+        let other_things = Sample { objects: vec![0; 8], ..of(0, 9.0, 3) };
+        let samples = [&unlike, &like, &other_things];
+        let material = Material {
+            samples: &samples,
+            beside: &[],
+            validation: &[],
+            names: &[],
+            interchangeable: (&[], &[]),
+            reversed: &[],
+        };
+        let augment = Augment { exchange: 1.0, ..Augment::NONE };
+        let mut rng = ChaCha8Rng::seed_from_u64(6);
+        let mut exchanged = own.clone();
+        // The last of three frames has none in the other sample.
+        augment.exchange(&mut exchanged, 1, &material, &mut rng);
+        let of_tag = |tag: usize| {
+            let frames = exchanged.frames.reads.chunks_exact(8 * READ_CHANNELS);
+            frames.map(|frame| frame[tag * READ_CHANNELS]).collect::<Vec<_>>()
+        };
+        let tags: Vec<_> = (0..8).map(of_tag).collect();
+        assert!(tags.iter().all(|tag| *tag == [1.0; 3] || *tag == [2.0, 2.0, 0.0]), "{tags:?}");
+        assert!(tags.contains(&vec![1.0; 3]) && tags.contains(&vec![2.0, 2.0, 0.0]));
+
+        let mut alone = of(2, 1.0, 3);
+        augment.exchange(&mut alone, 0, &material, &mut rng);
+        assert_eq!(alone, of(2, 1.0, 3), "nobody else does it");
     }
 
     #[test]

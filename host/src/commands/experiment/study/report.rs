@@ -15,8 +15,8 @@ use super::table::{Row, Table};
 /// What stands above all tables.
 const HEAD: &str = "# Results of the experiments
 
-**All data here are simulated**, the site on which accuracy is measured too: three rooms and five people who move by a law of their own. The
-paper's figures are of its real recordings, so no two figures of a row can be compared one to one; what can be compared is which of two
+**All data here are simulated** but for those of real recordings, at the end, if there are any. So is the site on which accuracy is measured: three
+rooms and five people who move by a law of their own. The paper's figures are of its real recordings, so no two figures of a row can be compared one to one; what can be compared is which of two
 settings is better, and by about how much. Accuracy is in percent with its 95 % interval: Student's over runs that differ by the seed of
 split, weights and order, or Wilson's over the samples where there is one run. The paper's sections are named beside.
 ";
@@ -25,7 +25,7 @@ split, weights and order, or Wilson's over the samples where there is one run. T
 #[derive(Debug, Args)]
 pub(in super::super) struct Report {
     /// Folder with the tables of the studies. README.md and pictures are written there; what is in NAME.md, if there is such a
-    /// file, stands below the table of the study NAME.
+    /// file, stands below the table of the study NAME; what is in real.md is the section on real recordings.
     #[arg(long, value_name = "DIR")]
     out: PathBuf,
 }
@@ -68,6 +68,12 @@ impl Report {
             page.push_str("\n## Speed against accuracy\n\n`rfhoi chart`; each configuration is trained and tested as above.\n");
             page.push_str("\n![Speed against accuracy](chart.svg)\n");
             page.push_str(&remarks(&self.out, "chart")?);
+        }
+        if self.out.join("real.md").is_file() {
+            page.push_str(
+                "\n## Real recordings\n\nNot simulated: other people's recordings, of one radio each.\n",
+            );
+            page.push_str(&remarks(&self.out, "real")?);
         }
         let path = self.out.join("README.md");
         atomic::write(&path, page.as_bytes())?;
