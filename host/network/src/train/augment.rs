@@ -28,7 +28,7 @@ pub struct Augment {
     pub tag: f64,
     /// Chance that of each tag the reads may be, with a chance of one half, those of another sample of the same action on the
     /// same things: few people never show all that their tags could do together.
-    #[serde(default, skip_serializing_if = "is_none")]
+    #[serde(default, skip_serializing_if = "is_zero")]
     pub exchange: f64,
     /// Chance that an antenna of the reader is dead.
     pub antenna: f64,
@@ -51,7 +51,7 @@ pub struct Augment {
 
 /// Of a chance: recipes of files that do not know it stay as they are.
 #[allow(clippy::trivially_copy_pass_by_ref, reason = "serde's signature")]
-fn is_none(chance: &f64) -> bool {
+fn is_zero(chance: &f64) -> bool {
     *chance == 0.0
 }
 

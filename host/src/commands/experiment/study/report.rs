@@ -15,10 +15,11 @@ use super::table::{Row, Table};
 /// What stands above all tables.
 const HEAD: &str = "# Results of the experiments
 
-**All data here are simulated** but for those of real recordings, at the end, if there are any. So is the site on which accuracy is measured: three
-rooms and five people who move by a law of their own. The paper's figures are of its real recordings, so no two figures of a row can be compared one to one; what can be compared is which of two
-settings is better, and by about how much. Accuracy is in percent with its 95 % interval: Student's over runs that differ by the seed of
-split, weights and order, or Wilson's over the samples where there is one run. The paper's sections are named beside.
+**All data here are simulated** but for those of real recordings, at the end, if there are any. So is the site on which accuracy is measured:
+three rooms and five people who move by a law of their own. The paper's figures are of its real recordings, so no two figures of a row can be
+compared one to one; what can be compared is which of two settings is better, and by about how much. Accuracy is in percent with its 95 %
+interval: Student's over runs that differ by the seed of split, weights and order, or Wilson's over the samples where there is one run. The
+paper's sections are named beside.
 ";
 
 /// `rfhoi experiment report`.
