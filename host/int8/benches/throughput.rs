@@ -6,15 +6,17 @@
 use std::hint::black_box;
 use std::time::Instant;
 
-use rfhoi_int8::{Affine, ConvShape, Kernels, Level, NARROW, Out, Packed, PackedConv, Quant};
+use rfhoi_int8::{Affine, ConvShape, Kernels, Level, NARROW, Out, Packed, PackedConv, Quant, SMALL};
 
 /// Rows of inputs: one frame's token, six tags', 15 of one tag, 30 and 60 frames, 30 tags of 15.
 const ROWS: [usize; 6] = [1, 6, 15, 30, 60, 450];
 /// Width of a network and rows, of a transformer layer's products.
-const LAYERS: [(usize, usize); 4] = [(128, 30), (128, 60), (1024, 30), (1024, 60)];
+const LAYERS: [(usize, usize); 5] = [(64, 120), (128, 30), (128, 60), (1024, 30), (1024, 60)];
+/// The same, of attention and norms.
+const SEQUENCES: [(usize, usize); 5] = [(64, 20), (128, 30), (128, 60), (1024, 30), (1024, 60)];
 /// What a timing takes at least, in seconds: shorter ones are repeated.
 const TURN: f64 = 50e-6;
-const QUANT: Quant = Quant { inverse: 10.0, zero: 128 };
+const QUANT: Quant = Quant { inverse: 10.0, zero: 64, top: SMALL };
 
 /// A kernel, or some in a row.
 struct Case {
@@ -92,7 +94,7 @@ fn cases() -> Vec<Case> {
     }));
     cases.push(small_maps());
     cases.push(large_maps());
-    for (width, rows) in LAYERS {
+    for (width, rows) in SEQUENCES {
         cases.push(attention(width, rows));
         cases.push(norm(width, rows));
     }
@@ -100,10 +102,10 @@ fn cases() -> Vec<Case> {
 }
 
 fn codes(count: usize) -> Vec<u8> {
-    (0..count).map(|at| (at * 97 % 251) as u8).collect()
+    (0..count).map(|at| (at * 97 % (usize::from(SMALL) + 1)) as u8).collect()
 }
 
-/// Narrow, as those of the networks.
+/// Narrow, and inputs small, as those of the networks.
 fn weights(count: usize) -> Vec<i8> {
     let steps = 2 * NARROW as usize + 1;
     (0..count).map(|at| (at * 89 % steps) as i8 - NARROW).collect()
@@ -118,7 +120,13 @@ fn layer(name: &str, rows: usize, shapes: &[(usize, usize)]) -> Case {
     let mut products: Vec<_> = shapes
         .iter()
         .map(|&(k, n)| {
-            (codes(rows * k), Packed::new(k, n, &weights(k * n)), vec![1e-3; n], floats(n), vec![0; rows * n])
+            (
+                codes(rows * k),
+                Packed::new(k, n, &weights(k * n)).for_inputs_to(SMALL),
+                vec![1e-3; n],
+                floats(n),
+                vec![0; rows * n],
+            )
         })
         .collect();
     let run = move |kernels: &Kernels| {

@@ -1,16 +1,17 @@
 //! Attention of all rows to all rows, head by head, in floats: `softmax(q k^T / sqrt(d)) v`.
 
+use std::ops::Range;
+
 use crate::isa::{Isa, LANES, Work};
 use crate::lanes::exp;
 use crate::out::Sink;
 
-/// Rows of queries at once: with two groups of lanes, eight sums that do not wait for each other.
+/// Rows of queries at once: by a group of lanes of two registers, or two of one, that is eight sums that do not wait for each
+/// other.
 const QUERIES: usize = 4;
-const GROUPS: usize = 2;
-const BLOCK: usize = GROUPS * LANES;
 
-/// A row of a block of columns.
-type Row = [[f32; LANES]; GROUPS];
+/// Of a row, a group of columns.
+type Group = [f32; LANES];
 
 #[derive(Debug)]
 pub(crate) struct Attention<'a> {
@@ -19,16 +20,16 @@ pub(crate) struct Attention<'a> {
     pub(crate) rows: usize,
     pub(crate) width: usize,
     pub(crate) heads: usize,
-    /// As [`scratch`] says: the keys, `[blocks of rows][d]`, the values, `[blocks of d][rows]`, and the scores of a few queries.
+    /// As [`scratch`] says: the keys, `[groups of rows][d]`, the values, `[groups of d][rows]`, and the scores of a few queries.
     pub(crate) scratch: &'a mut [f32],
     /// `[rows][width]`.
     pub(crate) sink: Sink<'a>,
 }
 
-/// Floats of scratch: a head's keys transposed, its values, and scores of [`QUERIES`], all in whole blocks.
+/// Floats of scratch: a head's keys transposed, its values, and scores of [`QUERIES`], all in whole groups.
 pub(crate) fn scratch(rows: usize, width: usize, heads: usize) -> usize {
-    let (d, block) = (width / heads, rows.next_multiple_of(BLOCK));
-    d * block + rows * d.next_multiple_of(BLOCK) + QUERIES * block
+    let (d, columns) = (width / heads, rows.next_multiple_of(LANES));
+    d * columns + rows * d.next_multiple_of(LANES) + QUERIES * columns
 }
 
 impl Work for Attention<'_> {
@@ -36,23 +37,23 @@ impl Work for Attention<'_> {
     fn run<I: Isa>(self, isa: I) {
         let (rows, width) = (self.rows, self.width);
         let d = width / self.heads;
-        let (columns, depth) = (rows.next_multiple_of(BLOCK), d.next_multiple_of(BLOCK));
-        // A block's columns of all k lie together: rows a power of two apart would meet in the cache.
+        let (columns, depth) = (rows.next_multiple_of(LANES), d.next_multiple_of(LANES));
+        // A group's columns of all k lie together: rows a power of two apart would meet in the cache.
         let (keys, scratch) = self.scratch.split_at_mut(d * columns);
         let (values, scores) = scratch.split_at_mut(rows * depth);
-        let keys: &mut [Row] = keys.as_chunks_mut().0.as_chunks_mut().0;
-        let values: &mut [Row] = values.as_chunks_mut().0.as_chunks_mut().0;
+        let keys: &mut [Group] = keys.as_chunks_mut().0;
+        let values: &mut [Group] = values.as_chunks_mut().0;
         let scale = isa.splat(1.0 / (d as f32).sqrt());
         for head in 0..self.heads {
             let (q, k, v) = (head * d, width + head * d, 2 * width + head * d);
             for (row, tokens) in self.qkv.chunks_exact(3 * width).enumerate() {
-                let column = &mut keys[row / BLOCK * d..][..d];
+                let column = &mut keys[row / LANES * d..][..d];
                 for (keys, &key) in column.iter_mut().zip(&tokens[k..][..d]) {
-                    keys.as_flattened_mut()[row % BLOCK] = key;
+                    keys[row % LANES] = key;
                 }
-                let blocks = values.iter_mut().skip(row).step_by(rows);
-                for (values, value) in blocks.zip(tokens[v..][..d].chunks(BLOCK)) {
-                    values.as_flattened_mut()[..value.len()].copy_from_slice(value);
+                let groups = values.iter_mut().skip(row).step_by(rows);
+                for (values, value) in groups.zip(tokens[v..][..d].chunks(LANES)) {
+                    values[..value.len()].copy_from_slice(value);
                 }
             }
             // While scores of a few queries are in the cache, what they weigh is added up.
@@ -63,63 +64,101 @@ impl Work for Attention<'_> {
                     *query = &self.qkv[row * 3 * width + q..][..d];
                 }
                 // Queries by transposed keys, so that lanes are keys and nothing is added across them.
-                for (block, keys) in keys.chunks_exact(d).enumerate() {
-                    let sums = product(isa, &queries, keys);
-                    for (offset, sums) in sums.into_iter().enumerate() {
-                        let to = &mut scores[offset * columns + block * BLOCK..][..BLOCK];
-                        for (to, sums) in to.as_chunks_mut().0.iter_mut().zip(sums) {
-                            *to = isa.store(isa.multiply(sums, scale));
-                        }
-                    }
-                }
+                let mut to = Scores { scores: &mut *scores, columns, scale };
+                products(isa, &queries, keys, &mut to);
                 softmax(isa, scores, rows);
                 let mut shares: [&[f32]; QUERIES] = [&[]; QUERIES];
                 for (share, scores) in shares.iter_mut().zip(scores.chunks_exact(columns)) {
                     *share = &scores[..rows];
                 }
-                for (block, values) in values.chunks_exact(rows).enumerate() {
-                    let sums = product(isa, &shares, values);
-                    for (row, sums) in (start..rows).zip(sums) {
-                        for (column, sums) in (block * BLOCK..d).step_by(LANES).zip(sums) {
-                            let count = LANES.min(d - column);
-                            // SAFETY: one thread runs all of it; there are `rows` by `width`.
-                            unsafe { self.sink.store(isa, row * width + q + column, sums, count) };
-                        }
-                    }
-                }
+                let mut to = Seen { sink: self.sink, rows: start..rows, width, head: q..q + d };
+                products(isa, &shares, values, &mut to);
             }
         }
     }
 }
 
-/// Rows of k numbers by a block of columns.
-#[inline(always)]
-fn product<I: Isa>(isa: I, rows: &[&[f32]; QUERIES], block: &[Row]) -> [[I::Floats; GROUPS]; QUERIES] {
-    let mut a: [&[f32]; QUERIES] = [&[]; QUERIES];
-    for (a, row) in a.iter_mut().zip(rows) {
-        *a = &row[..block.len()];
-    }
-    let mut sums = [[isa.splat(0.0); GROUPS]; QUERIES];
-    if I::EIGHT_SUMS {
-        for (at, b) in block.iter().enumerate() {
-            for row in 0..QUERIES {
-                let a = isa.splat(a[row][at]);
-                for group in 0..GROUPS {
-                    sums[row][group] = isa.fused(a, isa.floats(&b[group]), sums[row][group]);
-                }
-            }
+/// Where products of the queries with a group of columns go.
+trait To<I: Isa> {
+    fn put(&mut self, isa: I, group: usize, sums: [I::Floats; QUERIES]);
+}
+
+/// Scores before the softmax, `[QUERIES][columns]`.
+struct Scores<'a, I: Isa> {
+    scores: &'a mut [f32],
+    columns: usize,
+    scale: I::Floats,
+}
+
+impl<I: Isa> To<I> for Scores<'_, I> {
+    #[inline(always)]
+    fn put(&mut self, isa: I, group: usize, sums: [I::Floats; QUERIES]) {
+        for (scores, sums) in self.scores.chunks_exact_mut(self.columns).zip(sums) {
+            scores.as_chunks_mut().0[group] = isa.store(isa.multiply(sums, self.scale));
         }
-    } else {
-        for group in 0..GROUPS {
-            let mut own = [isa.splat(0.0); QUERIES];
-            for (at, b) in block.iter().enumerate() {
-                let b = isa.floats(&b[group]);
-                for row in 0..QUERIES {
-                    own[row] = isa.fused(isa.splat(a[row][at]), b, own[row]);
-                }
-            }
+    }
+}
+
+/// What the queries have seen: rows of the output, `width` wide, a head's part of them.
+struct Seen<'a> {
+    sink: Sink<'a>,
+    rows: Range<usize>,
+    width: usize,
+    head: Range<usize>,
+}
+
+impl<I: Isa> To<I> for Seen<'_> {
+    #[inline(always)]
+    fn put(&mut self, isa: I, group: usize, sums: [I::Floats; QUERIES]) {
+        let column = self.head.start + group * LANES;
+        let count = LANES.min(self.head.end - column);
+        for (row, sums) in self.rows.clone().zip(sums) {
+            // SAFETY: one thread runs all of it; there are `rows` by `width`.
+            unsafe { self.sink.store(isa, row * self.width + column, sums, count) };
+        }
+    }
+}
+
+/// Rows of k numbers by all groups of columns, `[groups][k]`.
+#[inline(always)]
+fn products<I: Isa>(isa: I, rows: &[&[f32]; QUERIES], columns: &[Group], to: &mut impl To<I>) {
+    let k = rows[0].len();
+    let mut groups = columns.chunks_exact(k).enumerate();
+    if I::EIGHT_SUMS {
+        while groups.len() >= 2 {
+            let (Some((number, one)), Some((_, other))) = (groups.next(), groups.next()) else { return };
+            let [one, other] = product(isa, rows, [one, other]);
+            to.put(isa, number, one);
+            to.put(isa, number + 1, other);
+        }
+    }
+    for (number, group) in groups {
+        let [sums] = product(isa, rows, [group]);
+        to.put(isa, number, sums);
+    }
+}
+
+/// Rows of k numbers by some groups of columns.
+#[inline(always)]
+fn product<I: Isa, const G: usize>(
+    isa: I,
+    rows: &[&[f32]; QUERIES],
+    groups: [&[Group]; G],
+) -> [[I::Floats; QUERIES]; G] {
+    let k = rows[0].len();
+    let (mut a, mut b) = (*rows, groups);
+    for row in &mut a {
+        *row = &row[..k];
+    }
+    for group in &mut b {
+        *group = &group[..k];
+    }
+    let mut sums = [[isa.splat(0.0); QUERIES]; G];
+    for at in 0..k {
+        for group in 0..G {
+            let b = isa.floats(&b[group][at]);
             for row in 0..QUERIES {
-                sums[row][group] = own[row];
+                sums[group][row] = isa.fused(isa.splat(a[row][at]), b, sums[group][row]);
             }
         }
     }

@@ -15,8 +15,8 @@
 //!
 //! With stride 2 two phases, two bytes apart, cover 32 outputs.
 
-use crate::isa::{Isa, LANES, QUAD, Quads, Work};
-use crate::lanes::quantise;
+use crate::isa::{Factors, Isa, LANES, QUAD, Quads, Work};
+use crate::lanes::quantise_lanes;
 use crate::out::{Affine, Quant, affine};
 use crate::pack::PackedConv;
 
@@ -65,8 +65,8 @@ pub(crate) struct Conv<'a> {
 }
 
 impl Work for Conv<'_> {
-    fn is_narrow(&self) -> bool {
-        self.weights.is_narrow()
+    fn factors(&self) -> Factors {
+        self.weights.factors()
     }
 
     #[inline(always)]
@@ -124,7 +124,7 @@ impl Conv<'_> {
                     }
                     let mut codes = isa.splat_ints(0);
                     for (phase, &sums) in sums.iter().enumerate() {
-                        let code = quantise(isa, affine(isa, sums, scale, bias, leak), self.quant);
+                        let code = quantise_lanes(isa, affine(isa, sums, scale, bias, leak), self.quant);
                         codes = isa.or(codes, isa.shift_left(code, 8 * phase as u32));
                     }
                     put::<PHASES>(out, isa.store_ints(codes));

@@ -234,4 +234,5 @@ impl Kernels {
 
 fn assert_affine(affine: &Affine<'_>, n: usize) {
     assert_eq!((affine.scale.len(), affine.bias.len()), (n, n), "scale and bias of {n} outputs");
+    assert!((0.0..=1.0).contains(&affine.leak), "a slope of {}", affine.leak);
 }

@@ -20,16 +20,33 @@ pub(crate) fn load<I: Isa>(isa: I, from: &[f32], fill: f32) -> I::Floats {
 /// integer in the low bits.
 const ROUND: f32 = 12_582_912.0;
 
-/// Codes, 0 to 255.
+/// Steps from 0, not above what has a code; NaN stays.
 #[inline(always)]
-pub(crate) fn quantise<I: Isa>(isa: I, y: I::Floats, quant: Quant) -> I::Ints {
-    let zero = f32::from(quant.zero);
-    let steps = isa.multiply(y, isa.splat(quant.inverse));
-    // Ends are integers, so it is the same to round after. NaN stays: it is the second operand.
-    let steps = isa.min(isa.splat(255.0 - zero), isa.max(isa.splat(-zero), steps));
+fn steps<I: Isa>(isa: I, y: I::Floats, quant: Quant) -> I::Floats {
+    // The end is an integer, so it is the same to round after. NaN stays because it is the second operand.
+    let most = isa.splat(f32::from(quant.top) - f32::from(quant.zero));
+    isa.min(most, isa.multiply(y, isa.splat(quant.inverse)))
+}
+
+/// Codes.
+#[inline(always)]
+pub(crate) fn quantise<I: Isa>(isa: I, y: I::Floats, quant: Quant) -> [u8; LANES] {
+    let steps = steps(isa, y, quant);
     let steps = isa.less(steps, isa.splat(256.0), steps, isa.splat(0.0));
-    let bits = isa.to_bits(isa.add(steps, isa.splat(ROUND)));
-    isa.add_ints(bits, isa.splat_ints(i32::from(quant.zero) - ROUND.to_bits().cast_signed()))
+    isa.store_codes(isa.round(steps), quant.zero)
+}
+
+/// The same of numbers of which none is NaN.
+#[inline(always)]
+pub(crate) fn quantise_numbers<I: Isa>(isa: I, y: I::Floats, quant: Quant) -> [u8; LANES] {
+    isa.store_codes(isa.round(steps(isa, y, quant)), quant.zero)
+}
+
+/// The same, one code a lane.
+#[inline(always)]
+pub(crate) fn quantise_lanes<I: Isa>(isa: I, y: I::Floats, quant: Quant) -> I::Ints {
+    let steps = isa.max(steps(isa, y, quant), isa.splat(-f32::from(quant.zero)));
+    isa.add_ints(isa.round(steps), isa.splat_ints(quant.zero.into()))
 }
 
 /// Below this [`exp`] gives 0: the least that is not below the least normal float.
@@ -99,15 +116,19 @@ mod tests {
         });
         for y in extremes.into_iter().chain(halves).chain(near) {
             for zero in [0, 1, 127, 128, 255] {
-                for inverse in [1.0, 0.5, -1.0, 1e-3, 1e30] {
+                for (inverse, top) in
+                    [(1.0, 255), (1.0, 127), (0.5, 255), (-1.0, 255), (1e-3, 255), (1e30, 255)]
+                {
+                    let quant = Quant { inverse, zero: zero.min(top), top };
+                    let zero = f32::from(quant.zero);
                     let steps = (y * inverse).round_ties_even();
-                    let want =
-                        if steps.is_nan() { zero } else { (steps + f32::from(zero)).clamp(0.0, 255.0) as u8 };
-                    assert_eq!(
-                        quantise(Plain, [y; LANES], Quant { inverse, zero })[0],
-                        i32::from(want),
-                        "{y} {zero}"
-                    );
+                    let want = if steps.is_nan() { zero } else { (steps + zero).clamp(0.0, top.into()) };
+                    assert_eq!(f32::from(quantise(Plain, [y; LANES], quant)[0]), want, "{y} {quant:?}");
+                    if !steps.is_nan() {
+                        let of_numbers = quantise_numbers(Plain, [y; LANES], quant)[0];
+                        let of_lanes = quantise_lanes(Plain, [y; LANES], quant)[0];
+                        assert_eq!((f32::from(of_numbers), of_lanes as f32), (want, want), "{y} {quant:?}");
+                    }
                 }
             }
         }

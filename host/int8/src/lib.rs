@@ -36,4 +36,4 @@ pub use conv::ConvShape;
 pub use kernels::Kernels;
 pub use level::{Level, UnknownLevel};
 pub use out::{Affine, Out, Quant};
-pub use pack::{NARROW, Packed, PackedConv};
+pub use pack::{NARROW, Packed, PackedConv, SMALL};

@@ -1,16 +1,23 @@
 //! Matrix products of u8 inputs and s8 weights.
 //!
 //! Tiles of some rows by some panels of outputs, whose sums stay in registers over all of k; panels outside, rows inside, so
-//! that weights too large for the cache are read from memory once.
+//! that weights too large for the cache are read from memory once. Sums of many rows wait in the first cache until what makes
+//! them outputs is done to all of them at once.
 
 use std::ops::Range;
 
 #[cfg(target_arch = "x86_64")]
 use crate::isa::amx::{self, Tiles};
-use crate::isa::{Isa, LANES, QUAD, Work};
+use crate::isa::{Factors, Isa, LANES, QUAD, Work};
 use crate::lanes::load;
-use crate::out::{Affine, Sink, affine};
+use crate::out::{Affine, Rows, Sink, affine};
 use crate::pack::{Line, Packed};
+
+/// Sums of a row of a panel.
+type Sums = [i32; LANES];
+
+/// Rows of a panel whose sums wait: 4 KiB of them.
+const WAITING: usize = 64;
 
 /// Rows from which on tiles are faster, where there are any.
 #[cfg(target_arch = "x86_64")]
@@ -33,8 +40,8 @@ pub(crate) struct Linear<'a> {
 impl Work for Linear<'_> {
     const TILES: bool = true;
 
-    fn is_narrow(&self) -> bool {
-        self.weights.is_narrow()
+    fn factors(&self) -> Factors {
+        self.weights.factors()
     }
 
     #[inline(always)]
@@ -51,13 +58,14 @@ impl Work for Linear<'_> {
                 panels.start += 2;
             }
         }
+        let mut sums = [[0; LANES]; WAITING];
         while !panels.is_empty() {
             let wide = if self.rows == 1 { 8 } else { I::PANELS };
             panels.start += match panels.len().min(wide) {
-                8.. => self.block::<I, 8>(isa, panels.start),
-                4.. => self.block::<I, 4>(isa, panels.start),
-                2.. => self.block::<I, 2>(isa, panels.start),
-                _ => self.block::<I, 1>(isa, panels.start),
+                8.. => self.block::<I, 8>(isa, panels.start, &mut sums),
+                4.. => self.block::<I, 4>(isa, panels.start, &mut sums),
+                2.. => self.block::<I, 2>(isa, panels.start, &mut sums),
+                _ => self.block::<I, 1>(isa, panels.start, &mut sums),
             };
         }
     }
@@ -76,15 +84,11 @@ impl Linear<'_> {
         for block in 1..=blocks {
             let end = block * self.rows / blocks;
             let heights = tiles.product(&self.input[start * k..end * k], k, panels, &mut sums);
-            for (p, outputs) in [panel, panel + 1].into_iter().enumerate() {
-                let epilogue = self.epilogue(isa, outputs);
-                let mut row = start;
-                for (sums, height) in sums.iter().zip(heights) {
-                    for sums in &sums[p][..height] {
-                        self.put(isa, &epilogue, row, isa.ints(sums));
-                        row += 1;
-                    }
-                }
+            let mut row = start;
+            for (sums, height) in sums.iter().zip(heights) {
+                self.put(isa, row, panel, &sums[0][..height]);
+                self.put(isa, row, panel + 1, &sums[1][..height]);
+                row += height;
             }
             start = end;
         }
@@ -92,7 +96,7 @@ impl Linear<'_> {
 
     /// All rows of `P` panels; gives `P`.
     #[inline(always)]
-    fn block<I: Isa, const P: usize>(&self, isa: I, panel: usize) -> usize {
+    fn block<I: Isa, const P: usize>(&self, isa: I, panel: usize, sums: &mut [Sums; WAITING]) -> usize {
         let mut panels: [&[Line]; P] = [&[]; P];
         for (offset, lines) in panels.iter_mut().enumerate() {
             *lines = self.weights.panel(panel + offset);
@@ -100,31 +104,40 @@ impl Linear<'_> {
         // As even as it goes: a last block of one row would cost as much as three.
         let height = if P == 8 { 1 } else { I::ROWS };
         let blocks = self.rows.div_ceil(height);
-        let mut start = 0;
+        let share = WAITING / P;
+        let (mut first, mut start) = (0, 0);
         for block in 1..=blocks {
             let end = block * self.rows / blocks;
+            let at = start - first;
             match end - start {
-                1 => self.tile::<I, 1, P>(isa, start, panel, &panels),
-                2 if height >= 2 => self.tile::<I, 2, P>(isa, start, panel, &panels),
-                3 if height >= 3 => self.tile::<I, 3, P>(isa, start, panel, &panels),
-                4 if height >= 4 => self.tile::<I, 4, P>(isa, start, panel, &panels),
-                5 if height >= 5 => self.tile::<I, 5, P>(isa, start, panel, &panels),
-                6 if height >= 6 => self.tile::<I, 6, P>(isa, start, panel, &panels),
+                1 => self.tile::<I, 1, P>(isa, start, &panels, at, sums),
+                2 if height >= 2 => self.tile::<I, 2, P>(isa, start, &panels, at, sums),
+                3 if height >= 3 => self.tile::<I, 3, P>(isa, start, &panels, at, sums),
+                4 if height >= 4 => self.tile::<I, 4, P>(isa, start, &panels, at, sums),
+                5 if height >= 5 => self.tile::<I, 5, P>(isa, start, &panels, at, sums),
+                6 if height >= 6 => self.tile::<I, 6, P>(isa, start, &panels, at, sums),
                 height => unreachable!("a tile of {height} rows"),
             }
             start = end;
+            if block == blocks || start - first + height > share {
+                for p in 0..P {
+                    self.put(isa, first, panel + p, &sums[p * share..][..start - first]);
+                }
+                first = start;
+            }
         }
         P
     }
 
-    /// `R` rows of `P` panels.
+    /// `R` rows of `P` panels. Sums go to place `at` and after of each panel's share of `sums`.
     #[inline(always)]
     fn tile<I: Isa, const R: usize, const P: usize>(
         &self,
         isa: I,
         row: usize,
-        panel: usize,
         panels: &[&[Line]; P],
+        at: usize,
+        sums_of_all: &mut [Sums; WAITING],
     ) {
         let k = self.weights.k();
         let whole = k / QUAD;
@@ -145,7 +158,24 @@ impl Linear<'_> {
         // Each block of rows fetches a panel of those that come next; a single row waits for memory as it is.
         let next = panels[0].as_ptr().wrapping_add(P * panels[0].len() + row / I::ROWS * whole);
         let mut sums = [[isa.splat_ints(0); P]; R];
-        for quad in 0..whole {
+        let paired = if I::PAIRS { whole - whole % 2 } else { 0 };
+        for quad in (0..paired).step_by(2) {
+            if R > 1 {
+                isa.prefetch(next.wrapping_add(quad));
+                isa.prefetch(next.wrapping_add(quad + 1));
+            }
+            let mut weights = [[isa.bytes(&lines[0][quad].0); 2]; P];
+            for p in 0..P {
+                weights[p] = [isa.bytes(&lines[p][quad].0), isa.bytes(&lines[p][quad + 1].0)];
+            }
+            for r in 0..R {
+                let u = [isa.splat_bytes(inputs[r][quad]), isa.splat_bytes(inputs[r][quad + 1])];
+                for p in 0..P {
+                    sums[r][p] = isa.dot_two(sums[r][p], u, weights[p]);
+                }
+            }
+        }
+        for quad in paired..whole {
             if R > 1 {
                 isa.prefetch(next.wrapping_add(quad));
             }
@@ -169,41 +199,41 @@ impl Linear<'_> {
             }
         }
         for p in 0..P {
-            let epilogue = self.epilogue(isa, panel + p);
-            for (row, sums) in (row..).zip(&sums) {
-                self.put(isa, &epilogue, row, sums[p]);
+            let to = &mut sums_of_all[p * (WAITING / P) + at..][..R];
+            for r in 0..R {
+                to[r] = isa.store_ints(sums[r][p]);
             }
         }
     }
 
+    /// What the sums of a panel become, in rows of the output from `row` on.
     #[inline(always)]
-    fn epilogue<I: Isa>(&self, isa: I, panel: usize) -> Epilogue<I> {
-        let output = panel * LANES;
-        Epilogue {
-            output,
-            count: LANES.min(self.weights.n() - output),
-            scale: load(isa, &self.affine.scale[output..], 0.0),
-            bias: load(isa, &self.affine.bias[output..], 0.0),
-            leak: isa.splat(self.affine.leak),
-        }
-    }
-
-    /// What the sums of a panel become, in a row of the output.
-    #[inline(always)]
-    fn put<I: Isa>(&self, isa: I, epilogue: &Epilogue<I>, row: usize, sums: I::Ints) {
-        let &Epilogue { output, count, scale, bias, leak } = epilogue;
-        let y = affine(isa, sums, scale, bias, leak);
+    fn put<I: Isa>(&self, isa: I, row: usize, panel: usize, sums: &[Sums]) {
+        let (output, n) = (panel * LANES, self.weights.n());
+        let scale = load(isa, &self.affine.scale[output..], 0.0);
+        let bias = load(isa, &self.affine.bias[output..], 0.0);
+        let rows = Outputs { sums, scale, bias, leak: isa.splat(self.affine.leak) };
         // SAFETY: no other thread has these panels, so none writes these outputs of any row; there are `rows` by `n`.
-        unsafe { self.sink.store(isa, row * self.weights.n() + output, y, count) };
+        unsafe { self.sink.store_rows(isa, (row * n + output, n), rows, LANES.min(n - output)) };
     }
 }
 
-/// What a panel's sums meet.
-struct Epilogue<I: Isa> {
-    /// The first of its outputs, and how many there are.
-    output: usize,
-    count: usize,
+/// What rows of sums become.
+struct Outputs<'a, I: Isa> {
+    sums: &'a [Sums],
     scale: I::Floats,
     bias: I::Floats,
     leak: I::Floats,
+}
+
+impl<I: Isa> Rows<I> for Outputs<'_, I> {
+    #[inline(always)]
+    fn len(&self) -> usize {
+        self.sums.len()
+    }
+
+    #[inline(always)]
+    fn row(&self, isa: I, row: usize) -> I::Floats {
+        affine(isa, isa.ints(&self.sums[row]), self.scale, self.bias, self.leak)
+    }
 }

@@ -4,17 +4,17 @@ use std::marker::PhantomData;
 use std::slice;
 
 use crate::isa::{Isa, LANES};
-use crate::lanes::{load, quantise};
+use crate::lanes::{load, quantise, quantise_numbers};
 
-/// What makes a sum of int8 products an output: `y = sum * scale + bias`, then `y` where it is not negative, else
-/// `y * leak`.
+/// What makes a sum of int8 products an output: `y = sum * scale + bias`, then the greater of `y` and `y * leak`. All have to
+/// be finite.
 #[derive(Debug, Clone, Copy)]
 pub struct Affine<'a> {
     /// For each output.
     pub scale: &'a [f32],
     /// For each output; the inputs' zero point is the caller's to fold in, see [`Packed::sum`](crate::Packed::sum).
     pub bias: &'a [f32],
-    /// LeakyReLU's slope; 1 for a linear output.
+    /// LeakyReLU's slope, 0 to 1; 1 for a linear output.
     pub leak: f32,
 }
 
@@ -28,17 +28,19 @@ pub(crate) fn affine<I: Isa>(
     leak: I::Floats,
 ) -> I::Floats {
     let y = isa.add(isa.multiply(isa.to_floats(sums), scale), bias);
-    isa.less(y, isa.splat(0.0), isa.multiply(y, leak), y)
+    isa.max(isa.multiply(y, leak), y)
 }
 
 /// How a number becomes a u8: `y * inverse`, rounded to the nearest integer (to the even one of two), plus `zero`, clamped to
-/// 0 to 255. NaN becomes `zero`.
+/// 0 to `top`. NaN becomes `zero`.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Quant {
     /// One over the step between two codes.
     pub inverse: f32,
-    /// The code of 0.
+    /// The code of 0, not above `top`.
     pub zero: u8,
+    /// The greatest code.
+    pub top: u8,
 }
 
 /// Where results go.
@@ -114,12 +116,62 @@ impl<'a> Sink<'a> {
                     put(to, &isa.store(isa.add(load(isa, to, 0.0), y)));
                 }
                 Form::U8(to, quant) => {
-                    let codes = isa.store_codes(quantise(isa, y, quant));
-                    put(slice::from_raw_parts_mut(to.add(at), count), &codes);
+                    put(slice::from_raw_parts_mut(to.add(at), count), &quantise(isa, y, quant));
                 }
             }
         }
     }
+
+    /// Puts the first `count` lanes of each of `rows` at `at` and after, rows `stride` apart.
+    ///
+    /// # Safety
+    /// No other thread may use these places at the same time.
+    #[inline(always)]
+    pub(crate) unsafe fn store_rows<I: Isa, R: Rows<I>>(
+        self,
+        isa: I,
+        (mut at, stride): (usize, usize),
+        rows: R,
+        count: usize,
+    ) {
+        let len = rows.len();
+        assert!(
+            len > 0 && count <= LANES && at + (len - 1) * stride + count <= self.len,
+            "beyond the output"
+        );
+        // SAFETY: the last row's places were just checked to lie within the slice borrowed for 'a, so those before them do;
+        // the caller has them to itself.
+        unsafe {
+            match self.form {
+                Form::F32(to) => {
+                    for row in 0..len {
+                        put(slice::from_raw_parts_mut(to.add(at), count), &isa.store(rows.row(isa, row)));
+                        at += stride;
+                    }
+                }
+                Form::Add(to) => {
+                    for row in 0..len {
+                        let to = slice::from_raw_parts_mut(to.add(at), count);
+                        put(to, &isa.store(isa.add(load(isa, to, 0.0), rows.row(isa, row))));
+                        at += stride;
+                    }
+                }
+                Form::U8(to, quant) => {
+                    for row in 0..len {
+                        let codes = quantise_numbers(isa, rows.row(isa, row), quant);
+                        put(slice::from_raw_parts_mut(to.add(at), count), &codes);
+                        at += stride;
+                    }
+                }
+            }
+        }
+    }
+}
+
+/// Rows of sixteen outputs each, none of them NaN.
+pub(crate) trait Rows<I: Isa> {
+    fn len(&self) -> usize;
+    fn row(&self, isa: I, row: usize) -> I::Floats;
 }
 
 /// As many as `to` has; all sixteen are a copy of fixed size.

@@ -12,11 +12,14 @@
 //!
 //! In a convolution the lanes are pixels instead: each row of a 3x3 kernel is four weights, the last one zero.
 
-use crate::isa::{LANES, QUAD, Quads};
+use crate::isa::{Factors, LANES, QUAD, Quads};
 
 /// The greatest amount of a narrow weight: two products with u8 fit 16 bits, `2 * 255 * 64 = 32,640`. With AVX2 alone such
 /// weights are multiplied 1.4 to 1.7 times as fast; elsewhere it makes no difference.
 pub const NARROW: i8 = 64;
+
+/// The greatest small input: four products with narrow weights fit 16 bits, `4 * 127 * 64 = 32,512`.
+pub const SMALL: u8 = 127;
 
 /// A cache line of weights: four of k for each of a panel's outputs.
 #[derive(Debug, Clone, Copy)]
@@ -31,7 +34,7 @@ pub struct Packed {
     /// `[panels][lines of a panel]`.
     lines: Vec<Line>,
     sums: Vec<i32>,
-    narrow: bool,
+    factors: Factors,
 }
 
 impl Packed {
@@ -51,7 +54,18 @@ impl Packed {
                 }
             }
         }
-        Self { k, n, lines, sums: sums(weights, k, n), narrow: are_narrow(weights) }
+        Self { k, n, lines, sums: sums(weights, k, n), factors: factors(weights) }
+    }
+
+    /// For inputs of which none is above `top`. With narrow weights, inputs up to [`SMALL`] are multiplied faster yet where AVX2
+    /// is all there is.
+    ///
+    /// Inputs above it are an error of the program: the sums are then wrong, at some levels.
+    pub fn for_inputs_to(mut self, top: u8) -> Self {
+        if self.factors == Factors::Narrow && top <= SMALL {
+            self.factors = Factors::Small;
+        }
+        self
     }
 
     /// Inputs.
@@ -72,8 +86,8 @@ impl Packed {
         self.sums[output]
     }
 
-    pub(crate) fn is_narrow(&self) -> bool {
-        self.narrow
+    pub(crate) fn factors(&self) -> Factors {
+        self.factors
     }
 
     pub(crate) fn panels(&self) -> usize {
@@ -95,7 +109,7 @@ pub struct PackedConv {
     /// `[outputs][channels][3]`, a kernel's row each.
     rows: Vec<[u8; QUAD]>,
     sums: Vec<i32>,
-    narrow: bool,
+    factors: Factors,
 }
 
 impl PackedConv {
@@ -114,7 +128,7 @@ impl PackedConv {
             [left, middle, right, 0]
         });
         let sums = sums(weights, channels * 9, outputs);
-        Self { outputs, channels, rows: rows.collect(), sums, narrow: are_narrow(weights) }
+        Self { outputs, channels, rows: rows.collect(), sums, factors: factors(weights) }
     }
 
     /// Output channels.
@@ -135,8 +149,8 @@ impl PackedConv {
         self.sums[output]
     }
 
-    pub(crate) fn is_narrow(&self) -> bool {
-        self.narrow
+    pub(crate) fn factors(&self) -> Factors {
+        self.factors
     }
 
     /// Rows of an output's kernels, `[channels][3]`.
@@ -151,6 +165,8 @@ fn sums(weights: &[i8], k: usize, n: usize) -> Vec<i32> {
     (0..n).map(|output| weights[output * k..][..k].iter().map(|&w| i32::from(w)).sum()).collect()
 }
 
-fn are_narrow(weights: &[i8]) -> bool {
-    weights.iter().all(|weight| weight.unsigned_abs() <= NARROW.unsigned_abs())
+/// What the weights tell; of inputs nothing.
+fn factors(weights: &[i8]) -> Factors {
+    let narrow = weights.iter().all(|weight| weight.unsigned_abs() <= NARROW.unsigned_abs());
+    if narrow { Factors::Narrow } else { Factors::Any }
 }

@@ -6,7 +6,7 @@ use std::sync::LazyLock;
 use proptest::collection::vec;
 use proptest::prelude::*;
 use proptest::sample::select;
-use rfhoi_int8::{Affine, ConvShape, Kernels, Level, NARROW, Out, Packed, PackedConv, Quant};
+use rfhoi_int8::{Affine, ConvShape, Kernels, Level, NARROW, Out, Packed, PackedConv, Quant, SMALL};
 
 /// Each level that this processor has, on one to three threads.
 static KERNELS: LazyLock<Vec<Kernels>> = LazyLock::new(|| {
@@ -45,16 +45,25 @@ fn floats(count: usize, seed: u64, spread: f32) -> Vec<f32> {
     (0..count).map(|_| (noise() % 20_001) as f32 / 10_000.0 * spread - spread).collect()
 }
 
-/// Codes and weights: extremes alone, where a sum of two products would not fit 16 bits, or anything.
-fn codes(count: usize, seed: u64, extreme: bool) -> Vec<u8> {
+/// Codes up to `top` and weights: extremes alone, where sums of two or four products are the largest that fit 16 bits or the first
+/// that do not, or anything.
+fn codes(count: usize, seed: u64, extreme: bool, top: u8) -> Vec<u8> {
     let mut noise = noise(seed);
     (0..count)
-        .map(|_| if extreme { [0, 255, 255, 255][noise() as usize % 4] } else { noise() as u8 })
+        .map(|_| {
+            if extreme {
+                [0, top, top, top][noise() as usize % 4]
+            } else {
+                (noise() % (u64::from(top) + 1)) as u8
+            }
+        })
         .collect()
 }
 
 /// The largest amounts of weights: of all, of narrow ones, and the first that is not.
 const LARGEST: [i8; 3] = [127, NARROW, NARROW + 1];
+/// The same of inputs.
+const TOPS: [u8; 3] = [255, SMALL, SMALL + 1];
 
 fn weights(count: usize, seed: u64, extreme: bool, largest: i8) -> Vec<i8> {
     let mut noise = noise(seed ^ 77);
@@ -74,7 +83,8 @@ fn affine_reference(sum: i32, scale: f32, bias: f32, leak: f32) -> f32 {
 
 fn quantise_reference(y: f32, quant: Quant) -> u8 {
     let steps = (y * quant.inverse).round_ties_even();
-    if steps.is_nan() { quant.zero } else { (steps + f32::from(quant.zero)).clamp(0.0, 255.0) as u8 }
+    let code = (steps + f32::from(quant.zero)).clamp(0.0, quant.top.into());
+    if steps.is_nan() { quant.zero } else { code as u8 }
 }
 
 struct Product {
@@ -86,21 +96,24 @@ struct Product {
     scale: Vec<f32>,
     bias: Vec<f32>,
     leak: f32,
+    top: u8,
 }
 
 impl Product {
-    fn new(rows: usize, k: usize, n: usize, seed: u64, (extreme, largest): (bool, i8), leak: f32) -> Self {
+    /// `[rows][k]` by `[k][n]`, of extremes alone or not, weights up to `largest`, inputs up to `top`.
+    fn new([rows, k, n]: [usize; 3], seed: u64, (extreme, largest, top): (bool, i8, u8), leak: f32) -> Self {
         let scale = floats(n, seed + 1, 1e-3);
         let bias = floats(n, seed + 2, 2.0);
         Self {
             rows,
             k,
             n,
-            input: codes(rows * k, seed, extreme),
+            input: codes(rows * k, seed, extreme, top),
             weights: weights(k * n, seed, extreme, largest),
             scale,
             bias,
             leak,
+            top,
         }
     }
 
@@ -122,7 +135,7 @@ impl Product {
     /// Floats, floats added to those of `before`, and codes, of all levels and numbers of threads, against the reference.
     fn check(&self, quant: Quant) {
         let want = self.reference();
-        let packed = Packed::new(self.k, self.n, &self.weights);
+        let packed = Packed::new(self.k, self.n, &self.weights).for_inputs_to(self.top);
         let affine = Affine { scale: &self.scale, bias: &self.bias, leak: self.leak };
         let floats_got = same_bits(|kernels| {
             let mut y = vec![f32::NAN; self.rows * self.n];
@@ -147,7 +160,12 @@ impl Product {
 }
 
 fn quants() -> impl Strategy<Value = Quant> {
-    (0.01f32..200.0, any::<u8>()).prop_map(|(inverse, zero)| Quant { inverse, zero })
+    let tops = select(vec![255, SMALL, 10]);
+    (0.01f32..200.0, any::<u8>(), tops).prop_map(|(inverse, zero, top)| Quant {
+        inverse,
+        zero: zero.min(top),
+        top,
+    })
 }
 
 proptest! {
@@ -161,10 +179,11 @@ proptest! {
         seed in any::<u32>(),
         extreme in any::<bool>(),
         largest in select(&LARGEST[..]),
+        top in select(&TOPS[..]),
         leak in select(vec![1.0f32, 0.01, 0.0]),
         quant in quants(),
     ) {
-        Product::new(rows, k, n, seed.into(), (extreme, largest), leak).check(quant);
+        Product::new([rows, k, n], seed.into(), (extreme, largest, top), leak).check(quant);
     }
 
     #[test]
@@ -183,7 +202,7 @@ proptest! {
     ) {
         let seed = seed.into();
         let shape = ConvShape { channels, height, width, stride };
-        let input = codes(channels * height * width, seed, extreme);
+        let input = codes(channels * height * width, seed, extreme, 255);
         let kernels_3x3 = weights(outputs * channels * 9, seed, extreme, largest);
         let (scale, bias) = (floats(outputs, seed + 1, 1e-3), floats(outputs, seed + 2, 2.0));
         let mut want = Vec::new();
@@ -221,7 +240,7 @@ proptest! {
         size in prop_oneof![select(vec![2usize, 4, 8]), 1usize..=9],
         seed in any::<u32>(),
     ) {
-        let input = codes(channels * height * width, seed.into(), false);
+        let input = codes(channels * height * width, seed.into(), false, 255);
         let (rows, columns) = (height / size, width / size);
         let mut want = Vec::new();
         for channel in 0..channels {
@@ -271,7 +290,7 @@ proptest! {
                 prop_assert!((f64::from(got) - want).abs() < bound, "{} for {}", got, want);
             }
         }
-        let quant = Quant { inverse: 30.0, zero: 100 };
+        let quant = Quant { inverse: 30.0, zero: 100, top: 255 };
         let codes = same_everywhere(|kernels| {
             let mut out = vec![77; input.len()];
             kernels.layer_norm(&input, width, &gamma, &beta, 1e-5, Out::U8(&mut out, quant));
@@ -331,8 +350,8 @@ proptest! {
 #[test]
 fn products_that_threads_share() {
     for (rows, k, n) in [(450, 128, 300), (1, 1027, 2080), (64, 1024, 1030)] {
-        for numbers in [(false, 127), (true, 127), (true, NARROW)] {
-            Product::new(rows, k, n, 5, numbers, 0.01).check(Quant { inverse: 10.0, zero: 128 });
+        for numbers in [(false, 127, 255), (true, 127, 255), (true, NARROW, 255), (true, NARROW, SMALL)] {
+            Product::new([rows, k, n], 5, numbers, 0.01).check(Quant { inverse: 10.0, zero: 128, top: 255 });
         }
     }
 }
@@ -342,7 +361,7 @@ fn sums_fold_the_zero_point() {
     let numbers = weights(5 * 37, 9, false, 127);
     let packed = Packed::new(37, 5, &numbers);
     let conv = PackedConv::new(5, 4, &weights(5 * 36, 9, false, 127));
-    let codes: Vec<_> = codes(37, 3, false);
+    let codes: Vec<_> = codes(37, 3, false, 255);
     for output in 0..5 {
         let row = &numbers[output * 37..][..37];
         let dot = |zero: i32| -> i32 {
@@ -380,6 +399,6 @@ fn inputs_that_do_not_fit() {
 fn a_stride_that_there_is_not() {
     let affine = Affine { scale: &[1.0], bias: &[0.0], leak: 1.0 };
     let shape = ConvShape { channels: 1, height: 3, width: 3, stride: 3 };
-    let quant = Quant { inverse: 1.0, zero: 0 };
+    let quant = Quant { inverse: 1.0, zero: 0, top: 255 };
     Kernels::best().conv3x3(&[0; 9], shape, &PackedConv::new(1, 1, &[1; 9]), 0, affine, quant, &mut [0]);
 }

@@ -1,18 +1,20 @@
 //! AVX2, with AVX-VNNI's `vpdpbusd` or without it.
 //!
 //! AVX2's own product of u8 and s8 (`vpmaddubsw`) adds two products in 16 bits and saturates. Weights of up to
-//! [`NARROW`](crate::NARROW) keep it from that; with others each lane's four numbers are widened to 16 bits, even and odd
-//! ones apart: their products then add up in the lane's 32 bits, in place.
+//! [`NARROW`](crate::NARROW) keep it from that, and with inputs of up to [`SMALL`](crate::SMALL) two such sums can be added
+//! before they are widened; with other weights each lane's four numbers are widened to 16 bits, even and odd ones apart: their
+//! products then add up in the lane's 32 bits, in place.
 
 use std::arch::x86_64::*;
 use std::mem::transmute;
 
 use super::{Isa, LANES, QUAD, Quads, Work};
 
-/// How four products of a lane are made: of any weights without AVX-VNNI, of narrow ones, with AVX-VNNI.
+/// How the products of a lane are made: of any numbers without AVX-VNNI, of narrow weights, of small inputs too, with AVX-VNNI.
 pub(super) const WIDENED: u8 = 0;
 const PAIRED: u8 = 1;
-pub(super) const VNNI: u8 = 2;
+const FOURFOLD: u8 = 2;
+pub(super) const VNNI: u8 = 3;
 
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Avx2<const DOT: u8>(());
@@ -27,8 +29,13 @@ impl<const DOT: u8> Avx2<DOT> {
 }
 
 impl Avx2<WIDENED> {
-    /// Where all weights are narrow.
-    pub(super) fn paired(self) -> Avx2<PAIRED> {
+    /// For [`Factors::Narrow`](super::Factors::Narrow).
+    pub(super) fn narrow(self) -> Avx2<PAIRED> {
+        Avx2(())
+    }
+
+    /// For [`Factors::Small`](super::Factors::Small).
+    pub(super) fn small(self) -> Avx2<FOURFOLD> {
         Avx2(())
     }
 }
@@ -53,6 +60,20 @@ unsafe fn dot_paired(sum: __m256i, unsigned: __m256i, signed: __m256i) -> __m256
     unsafe {
         let pairs = _mm256_maddubs_epi16(unsigned, signed);
         _mm256_add_epi32(sum, _mm256_madd_epi16(pairs, _mm256_set1_epi16(1)))
+    }
+}
+
+/// The sum and eight products in each lane, of which four fit 16 bits.
+///
+/// # Safety
+/// The processor must have AVX2.
+#[inline(always)]
+unsafe fn dot_fourfold(sum: __m256i, unsigned: [__m256i; 2], signed: [__m256i; 2]) -> __m256i {
+    // SAFETY: the caller's.
+    unsafe {
+        let first = _mm256_maddubs_epi16(unsigned[0], signed[0]);
+        let fours = _mm256_add_epi16(first, _mm256_maddubs_epi16(unsigned[1], signed[1]));
+        _mm256_add_epi32(sum, _mm256_madd_epi16(fours, _mm256_set1_epi16(1)))
     }
 }
 
@@ -125,8 +146,10 @@ impl<const DOT: u8> Isa for Avx2<DOT> {
     const ROWS: usize = match DOT {
         WIDENED => 4,
         PAIRED => 5,
+        FOURFOLD => 4,
         _ => 6,
     };
+    const PAIRS: bool = DOT == FOURFOLD;
     const PANELS: usize = 1;
     const EIGHT_SUMS: bool = false;
 
@@ -138,7 +161,8 @@ impl<const DOT: u8> Isa for Avx2<DOT> {
                 _mm256_dpbusd_avx_epi32(sum[0], unsigned[0], signed[0]),
                 _mm256_dpbusd_avx_epi32(sum[1], unsigned[1], signed[1]),
             ],
-            PAIRED => [dot_paired(sum[0], unsigned[0], signed[0]), dot_paired(sum[1], unsigned[1], signed[1])],
+            PAIRED | FOURFOLD =>
+                [dot_paired(sum[0], unsigned[0], signed[0]), dot_paired(sum[1], unsigned[1], signed[1])],
             _ => [dot_wide(sum[0], unsigned[0], signed[0]), dot_wide(sum[1], unsigned[1], signed[1])],
         };
 
@@ -153,10 +177,11 @@ impl<const DOT: u8> Isa for Avx2<DOT> {
         to_floats(a: Ints) -> Floats = [_mm256_cvtepi32_ps(a[0]), _mm256_cvtepi32_ps(a[1])];
         of_bits(a: Ints) -> Floats = transmute(a);
         store_ints(a: Ints) -> [i32; LANES] = transmute(a);
-        store_codes(a: Ints) -> [u8; LANES] = {
+        store_codes(a: Ints, zero: u8) -> [u8; LANES] = {
             // Packing works within halves of registers: afterwards quarters lie in the order 0, 2, 1, 3.
             let pairs = _mm256_permute4x64_epi64::<0b11_01_10_00>(_mm256_packs_epi32(a[0], a[1]));
-            transmute(_mm_packus_epi16(_mm256_castsi256_si128(pairs), _mm256_extracti128_si256::<1>(pairs)))
+            let codes = _mm256_adds_epi16(pairs, _mm256_set1_epi16(zero.into()));
+            transmute(_mm_packus_epi16(_mm256_castsi256_si128(codes), _mm256_extracti128_si256::<1>(codes)))
         };
 
         floats(from: &[f32; LANES]) -> Floats = transmute(*from);
@@ -171,11 +196,27 @@ impl<const DOT: u8> Isa for Avx2<DOT> {
             _mm256_blendv_ps(no[1], yes[1], _mm256_cmp_ps::<_CMP_LT_OQ>(a[1], b[1])),
         ];
         to_bits(a: Floats) -> Ints = transmute(a);
+        round(a: Floats) -> Ints = [_mm256_cvtps_epi32(a[0]), _mm256_cvtps_epi32(a[1])];
         store(a: Floats) -> [f32; LANES] = transmute(a);
         fused(a: Floats, b: Floats, c: Floats) -> Floats =
             [_mm256_fmadd_ps(a[0], b[0], c[0]), _mm256_fmadd_ps(a[1], b[1], c[1])];
         sum(a: Floats) -> f32 = sum(_mm256_add_ps(a[0], a[1]));
         greatest(a: Floats) -> f32 = greatest(_mm256_max_ps(a[0], a[1]));
+    }
+
+    #[inline(always)]
+    fn dot_two(self, sum: Ints, unsigned: [Ints; 2], signed: [Ints; 2]) -> Ints {
+        if DOT != FOURFOLD {
+            return self.dot(self.dot(sum, unsigned[0], signed[0]), unsigned[1], signed[1]);
+        }
+        let ([u, next_u], [s, next_s]) = (unsigned, signed);
+        // SAFETY: `self` exists only where the processor has AVX2.
+        unsafe {
+            [
+                dot_fourfold(sum[0], [u[0], next_u[0]], [s[0], next_s[0]]),
+                dot_fourfold(sum[1], [u[1], next_u[1]], [s[1], next_s[1]]),
+            ]
+        }
     }
 
     #[inline(always)]

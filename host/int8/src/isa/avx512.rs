@@ -64,7 +64,10 @@ impl<const AMX: bool> Isa for Avx512<AMX> {
         to_floats(a: __m512i) -> __m512 = _mm512_cvtepi32_ps(a);
         of_bits(a: __m512i) -> __m512 = _mm512_castsi512_ps(a);
         store_ints(a: __m512i) -> [i32; LANES] = transmute(a);
-        store_codes(a: __m512i) -> [u8; LANES] = transmute(_mm512_cvtepi32_epi8(a));
+        store_codes(a: __m512i, zero: u8) -> [u8; LANES] = {
+            let codes = _mm512_add_epi32(a, _mm512_set1_epi32(zero.into()));
+            transmute(_mm512_cvtepi32_epi8(_mm512_max_epi32(codes, _mm512_setzero_si512())))
+        };
 
         floats(from: &[f32; LANES]) -> __m512 = _mm512_loadu_ps(from.as_ptr());
         splat(value: f32) -> __m512 = _mm512_set1_ps(value);
@@ -76,6 +79,7 @@ impl<const AMX: bool> Isa for Avx512<AMX> {
         less(a: __m512, b: __m512, yes: __m512, no: __m512) -> __m512 =
             _mm512_mask_mov_ps(no, _mm512_cmp_ps_mask::<_CMP_LT_OQ>(a, b), yes);
         to_bits(a: __m512) -> __m512i = _mm512_castps_si512(a);
+        round(a: __m512) -> __m512i = _mm512_cvtps_epi32(a);
         store(a: __m512) -> [f32; LANES] = transmute(a);
         fused(a: __m512, b: __m512, c: __m512) -> __m512 = _mm512_fmadd_ps(a, b, c);
         sum(a: __m512) -> f32 = sum(_mm256_add_ps(_mm512_castps512_ps256(a), _mm512_extractf32x8_ps::<1>(a)));

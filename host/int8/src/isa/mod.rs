@@ -38,6 +38,8 @@ pub(crate) trait Isa: Copy + Send + Sync {
     const ROWS: usize;
     /// Panels of 16 outputs that it takes at once: 1, 2 or 4.
     const PANELS: usize;
+    /// Whether [`dot_two`](Self::dot_two) is more than two `dot`.
+    const PAIRS: bool = false;
     /// Whether eight sums of floats and what they are made of stay in registers.
     const EIGHT_SUMS: bool;
 
@@ -59,8 +61,13 @@ pub(crate) trait Isa: Copy + Send + Sync {
     fn bytes(self, quads: &Quads) -> Self::Bytes;
     /// The same four in each lane.
     fn splat_bytes(self, quad: [u8; QUAD]) -> Self::Bytes;
-    /// The sum and four products of u8 and s8, exact; of a work that [is narrow](Work::is_narrow), only if they are.
+    /// The sum and four products of u8 and s8, exact as far as [`Work::factors`] has told the truth.
     fn dot(self, sum: Self::Ints, unsigned: Self::Bytes, signed: Self::Bytes) -> Self::Ints;
+    /// The sum and eight of them.
+    #[inline(always)]
+    fn dot_two(self, sum: Self::Ints, unsigned: [Self::Bytes; 2], signed: [Self::Bytes; 2]) -> Self::Ints {
+        self.dot(self.dot(sum, unsigned[0], signed[0]), unsigned[1], signed[1])
+    }
 
     fn ints(self, from: &[i32; LANES]) -> Self::Ints;
     fn splat_ints(self, value: i32) -> Self::Ints;
@@ -71,8 +78,8 @@ pub(crate) trait Isa: Copy + Send + Sync {
     fn to_floats(self, a: Self::Ints) -> Self::Floats;
     fn of_bits(self, a: Self::Ints) -> Self::Floats;
     fn store_ints(self, a: Self::Ints) -> [i32; LANES];
-    /// Numbers from 0 to 255.
-    fn store_codes(self, a: Self::Ints) -> [u8; LANES];
+    /// The sums of each and `zero`, those below 0 as 0; none may be above 255.
+    fn store_codes(self, a: Self::Ints, zero: u8) -> [u8; LANES];
 
     fn floats(self, from: &[f32; LANES]) -> Self::Floats;
     fn splat(self, value: f32) -> Self::Floats;
@@ -88,6 +95,8 @@ pub(crate) trait Isa: Copy + Send + Sync {
     /// `if a < b { yes } else { no }`, so `no` if one is NaN.
     fn less(self, a: Self::Floats, b: Self::Floats, yes: Self::Floats, no: Self::Floats) -> Self::Floats;
     fn to_bits(self, a: Self::Floats) -> Self::Ints;
+    /// The nearest integers, of two the even one, for numbers below 2^31; `i32::MIN` for those below -2^31 and NaN.
+    fn round(self, a: Self::Floats) -> Self::Ints;
     fn store(self, a: Self::Floats) -> [f32; LANES];
     /// The sum of all lanes: the upper half is added to the lower one until one lane is left.
     fn sum(self, a: Self::Floats) -> f32;
@@ -103,12 +112,22 @@ pub(crate) trait Work {
     /// Whether it takes [`Isa::tiles`].
     const TILES: bool = false;
 
-    /// Whether all that it multiplies by is narrow ([`NARROW`](crate::NARROW)).
-    fn is_narrow(&self) -> bool {
-        false
+    /// What is known of the numbers that it multiplies.
+    fn factors(&self) -> Factors {
+        Factors::Any
     }
 
     fn run<I: Isa>(self, isa: I);
+}
+
+/// What is known of u8 and s8 numbers that are multiplied.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Factors {
+    Any,
+    /// The s8 ones are [`NARROW`](crate::NARROW): two products fit 16 bits.
+    Narrow,
+    /// The u8 ones are besides not above [`SMALL`](crate::SMALL): four products do.
+    Small,
 }
 
 /// The instructions of a level, of which this processor is known to have them.
@@ -165,9 +184,11 @@ impl Processor {
         match self {
             Self::Plain(isa) => isa.run(work),
             #[cfg(target_arch = "x86_64")]
-            Self::Avx2(isa) if work.is_narrow() => isa.paired().run(work),
-            #[cfg(target_arch = "x86_64")]
-            Self::Avx2(isa) => isa.run(work),
+            Self::Avx2(isa) => match work.factors() {
+                Factors::Any => isa.run(work),
+                Factors::Narrow => isa.narrow().run(work),
+                Factors::Small => isa.small().run(work),
+            },
             #[cfg(target_arch = "x86_64")]
             Self::AvxVnni(isa) => isa.run(work),
             #[cfg(target_arch = "x86_64")]

@@ -103,8 +103,8 @@ impl Isa for Plain {
     }
 
     #[inline(always)]
-    fn store_codes(self, a: Ints) -> [u8; LANES] {
-        lanes!(|a| a => a as u8)
+    fn store_codes(self, a: Ints, zero: u8) -> [u8; LANES] {
+        lanes!(|a| a => a.saturating_add(zero.into()).max(0) as u8)
     }
 
     #[inline(always)]
@@ -163,6 +163,11 @@ impl Isa for Plain {
     #[inline(always)]
     fn to_bits(self, a: Floats) -> Ints {
         lanes!(|a| a => a.to_bits().cast_signed())
+    }
+
+    #[inline(always)]
+    fn round(self, a: Floats) -> Ints {
+        lanes!(|a| a => if a.is_nan() { i32::MIN } else { a.round_ties_even() as i32 })
     }
 
     #[inline(always)]

@@ -39,10 +39,7 @@ impl Convolution {
                 out: Seen::default(),
             },
             Precision::Int8 => {
-                let codes = |part: &str| match *model.f32s(&format!("{name}.{part}"))? {
-                    [scale, zero] => Ok(Codes { scale, zero: zero as u8 }),
-                    _ => Err(ModelError::Weights(format!("{name}.{part} is no scale and zero"))),
-                };
+                let codes = |part: &str| Codes::load(model, &format!("{name}.{part}"));
                 let (input, out) = (codes("input")?, codes("output")?);
                 let values = model.i8s(&weight)?;
                 let scale: Vec<f32> =

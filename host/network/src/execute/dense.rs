@@ -89,13 +89,10 @@ impl Dense {
             }
             Precision::Int8 => {
                 let (outputs, inputs) = (*a, *b);
-                let packed = Packed::new(inputs, outputs, model.i8s(&weight)?);
-                let [step, zero] = *model.f32s(&format!("{name}.input"))? else {
-                    return Err(ModelError::Weights(format!("{name}.input is no scale and zero")));
-                };
-                let input = Codes { scale: step, zero: zero as u8 };
-                let scale: Vec<f32> =
-                    model.f32s(&format!("{name}.scale"))?.iter().map(|scale| scale * step).collect();
+                let input = Codes::load(model, &format!("{name}.input"))?;
+                let packed = Packed::new(inputs, outputs, model.i8s(&weight)?).for_inputs_to(input.top);
+                let scales = model.f32s(&format!("{name}.scale"))?;
+                let scale: Vec<f32> = scales.iter().map(|scale| scale * input.scale).collect();
                 // What the zero point adds to each sum is taken off beforehand.
                 let fold = |n: usize| bias[n] - scale[n] * (i32::from(input.zero) * packed.sum(n)) as f32;
                 let bias = (0..outputs).map(fold).collect();

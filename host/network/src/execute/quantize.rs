@@ -55,9 +55,9 @@ pub fn quantize(model: &Model, samples: &[&Sample], names: &NameVectors) -> Resu
     }
     for [first, second] in convolutions {
         let Some((_, middle, _)) = first.seen() else { continue };
-        for (layer, input, output) in
-            [(first, Codes::MAPS, middle.codes()), (second, middle.codes(), features)]
-        {
+        // Convolutions gain nothing by small inputs.
+        let middle = middle.codes_to(u8::MAX);
+        for (layer, input, output) in [(first, Codes::MAPS, middle), (second, middle, features)] {
             let Some((_, _, weights)) = layer.seen() else { continue };
             let shape = model.arrays[&format!("{}.weight", layer.name)].shape.clone();
             put_weights(&mut arrays, &layer.name, weights, shape, layer.outputs());
@@ -116,6 +116,6 @@ fn put_weights(
 }
 
 fn put_codes(arrays: &mut BTreeMap<String, Array>, name: &str, codes: Codes) {
-    let values = Values::F32(vec![codes.scale, f32::from(codes.zero)]);
-    arrays.insert(name.to_owned(), Array { shape: vec![2], values });
+    let values = codes.values();
+    arrays.insert(name.to_owned(), Array { shape: vec![values.len()], values: Values::F32(values) });
 }
