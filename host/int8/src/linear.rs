@@ -104,22 +104,23 @@ impl Linear<'_> {
         // As even as it goes: a last block of one row would cost as much as three.
         let height = if P == 8 { 1 } else { I::ROWS };
         let blocks = self.rows.div_ceil(height);
+        let (least, one_more) = (self.rows / blocks.max(1), self.rows % blocks.max(1));
         let share = WAITING / P;
         let (mut first, mut start) = (0, 0);
-        for block in 1..=blocks {
-            let end = block * self.rows / blocks;
+        for block in 0..blocks {
+            let count = least + usize::from(block < one_more);
             let at = start - first;
-            match end - start {
+            match count {
                 1 => self.tile::<I, 1, P>(isa, start, &panels, at, sums),
                 2 if height >= 2 => self.tile::<I, 2, P>(isa, start, &panels, at, sums),
                 3 if height >= 3 => self.tile::<I, 3, P>(isa, start, &panels, at, sums),
                 4 if height >= 4 => self.tile::<I, 4, P>(isa, start, &panels, at, sums),
                 5 if height >= 5 => self.tile::<I, 5, P>(isa, start, &panels, at, sums),
                 6 if height >= 6 => self.tile::<I, 6, P>(isa, start, &panels, at, sums),
-                height => unreachable!("a tile of {height} rows"),
+                count => unreachable!("a tile of {count} rows"),
             }
-            start = end;
-            if block == blocks || start - first + height > share {
+            start += count;
+            if start == self.rows || start - first + height > share {
                 for p in 0..P {
                     self.put(isa, first, panel + p, &sums[p * share..][..start - first]);
                 }
@@ -142,14 +143,9 @@ impl Linear<'_> {
         let k = self.weights.k();
         let whole = k / QUAD;
         let mut inputs: [&[[u8; QUAD]]; R] = [&[]; R];
-        // What is left of each row beyond whole quads, filled with zeros.
-        let mut rest = [[0; QUAD]; R];
+        let rows = &self.input[row * k..][..R * k];
         for r in 0..R {
-            let (quads, tail) = self.input[(row + r) * k..][..k].as_chunks();
-            inputs[r] = &quads[..whole];
-            for (to, &from) in rest[r].iter_mut().zip(tail) {
-                *to = from;
-            }
+            inputs[r] = &rows[r * k..][..k].as_chunks().0[..whole];
         }
         let mut lines = *panels;
         for lines in &mut lines {
@@ -158,24 +154,35 @@ impl Linear<'_> {
         // Each block of rows fetches a panel of those that come next; a single row waits for memory as it is.
         let next = panels[0].as_ptr().wrapping_add(P * panels[0].len() + row / I::ROWS * whole);
         let mut sums = [[isa.splat_ints(0); P]; R];
-        let paired = if I::PAIRS { whole - whole % 2 } else { 0 };
-        for quad in (0..paired).step_by(2) {
+        let pairs = if I::PAIRS { whole / 2 } else { 0 };
+        let mut input_pairs: [&[[[u8; QUAD]; 2]]; R] = [&[]; R];
+        for r in 0..R {
+            input_pairs[r] = &inputs[r].as_chunks().0[..pairs];
+        }
+        let mut line_pairs: [&[[Line; 2]]; P] = [&[]; P];
+        for p in 0..P {
+            line_pairs[p] = &lines[p].as_chunks().0[..pairs];
+        }
+        for pair in 0..pairs {
             if R > 1 {
-                isa.prefetch(next.wrapping_add(quad));
-                isa.prefetch(next.wrapping_add(quad + 1));
+                isa.prefetch(next.wrapping_add(2 * pair));
+                isa.prefetch(next.wrapping_add(2 * pair + 1));
             }
-            let mut weights = [[isa.bytes(&lines[0][quad].0); 2]; P];
-            for p in 0..P {
-                weights[p] = [isa.bytes(&lines[p][quad].0), isa.bytes(&lines[p][quad + 1].0)];
+            let [first, second] = &line_pairs[0][pair];
+            let mut weights = [[isa.bytes(&first.0), isa.bytes(&second.0)]; P];
+            for p in 1..P {
+                let [first, second] = &line_pairs[p][pair];
+                weights[p] = [isa.bytes(&first.0), isa.bytes(&second.0)];
             }
             for r in 0..R {
-                let u = [isa.splat_bytes(inputs[r][quad]), isa.splat_bytes(inputs[r][quad + 1])];
+                let [first, second] = input_pairs[r][pair];
+                let u = [isa.splat_bytes(first), isa.splat_bytes(second)];
                 for p in 0..P {
                     sums[r][p] = isa.dot_two(sums[r][p], u, weights[p]);
                 }
             }
         }
-        for quad in paired..whole {
+        for quad in 2 * pairs..whole {
             if R > 1 {
                 isa.prefetch(next.wrapping_add(quad));
             }
@@ -191,6 +198,12 @@ impl Linear<'_> {
             }
         }
         if whole * QUAD < k {
+            // What is left of each row beyond whole quads, filled with zeros.
+            let mut rest = [[0; QUAD]; R];
+            for r in 0..R {
+                let left = &rows[r * k + whole * QUAD..(r + 1) * k];
+                rest[r][..left.len()].copy_from_slice(left);
+            }
             for p in 0..P {
                 let weights = isa.bytes(&panels[p][whole].0);
                 for r in 0..R {
@@ -227,6 +240,8 @@ struct Outputs<'a, I: Isa> {
 }
 
 impl<I: Isa> Rows<I> for Outputs<'_, I> {
+    const NUMBERS: bool = true;
+
     #[inline(always)]
     fn len(&self) -> usize {
         self.sums.len()

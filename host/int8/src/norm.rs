@@ -2,7 +2,7 @@
 
 use crate::isa::{Isa, LANES, Work};
 use crate::lanes::load;
-use crate::out::Sink;
+use crate::out::{Rows, Sink};
 
 /// `(x - mean) / sqrt(variance + epsilon) * gamma + beta` of each row.
 #[derive(Debug, Clone, Copy)]
@@ -74,17 +74,61 @@ impl LayerNorm<'_> {
             let variance = isa.sum(isa.fused(deviation, deviation, squares[row])) * share;
             scales[row] = isa.splat(1.0 / (variance + self.epsilon).sqrt());
         }
-        for from in (0..width).step_by(LANES) {
-            let count = LANES.min(width - from);
-            let (gamma, beta) = (load(isa, &self.gamma[from..], 0.0), load(isa, &self.beta[from..], 0.0));
+        for group in 0..groups {
+            let mut of_group = [isa.splat(0.0); R];
             for row in 0..R {
-                let x = x[row].get(from / LANES).map_or(rest[row], |group| group);
-                let deviation = isa.subtract(load(isa, x, 0.0), means[row]);
-                let y = isa.fused(isa.multiply(deviation, scales[row]), gamma, beta);
-                // SAFETY: one thread runs all of it; there are as many outputs as inputs.
-                unsafe { self.sink.store(isa, (first + row) * width + from, y, count) };
+                of_group[row] = isa.floats(&x[row][group]);
             }
+            self.put(isa, first, group * LANES, of_group, (means, scales));
         }
+        if !width.is_multiple_of(LANES) {
+            let mut left = [isa.splat(0.0); R];
+            for row in 0..R {
+                left[row] = load(isa, rest[row], 0.0);
+            }
+            self.put(isa, first, groups * LANES, left, (means, scales));
+        }
+    }
+
+    /// What becomes of a group of columns from `column` on, of `R` rows from `first` on.
+    #[inline(always)]
+    fn put<I: Isa, const R: usize>(
+        &self,
+        isa: I,
+        first: usize,
+        column: usize,
+        x: [I::Floats; R],
+        (means, scales): ([I::Floats; R], [I::Floats; R]),
+    ) {
+        let width = self.gamma.len();
+        let (gamma, beta) = (load(isa, &self.gamma[column..], 0.0), load(isa, &self.beta[column..], 0.0));
+        let mut y = x;
+        for row in 0..R {
+            let deviation = isa.subtract(x[row], means[row]);
+            y[row] = isa.fused(isa.multiply(deviation, scales[row]), gamma, beta);
+        }
+        // SAFETY: one thread runs all of it; there are as many outputs as inputs.
+        unsafe {
+            self.sink.store_rows(isa, (first * width + column, width), Normed(y), LANES.min(width - column))
+        };
+    }
+}
+
+/// Rows that are normalised.
+struct Normed<F, const R: usize>([F; R]);
+
+impl<I: Isa, const R: usize> Rows<I> for Normed<I::Floats, R> {
+    // Inputs may be anything.
+    const NUMBERS: bool = false;
+
+    #[inline(always)]
+    fn len(&self) -> usize {
+        R
+    }
+
+    #[inline(always)]
+    fn row(&self, _: I, row: usize) -> I::Floats {
+        self.0[row]
     }
 }
 

@@ -158,7 +158,12 @@ impl<'a> Sink<'a> {
                 }
                 Form::U8(to, quant) => {
                     for row in 0..len {
-                        let codes = quantise_numbers(isa, rows.row(isa, row), quant);
+                        let y = rows.row(isa, row);
+                        let codes = if R::NUMBERS {
+                            quantise_numbers(isa, y, quant)
+                        } else {
+                            quantise(isa, y, quant)
+                        };
                         put(slice::from_raw_parts_mut(to.add(at), count), &codes);
                         at += stride;
                     }
@@ -168,8 +173,11 @@ impl<'a> Sink<'a> {
     }
 }
 
-/// Rows of sixteen outputs each, none of them NaN.
+/// Rows of sixteen outputs each.
 pub(crate) trait Rows<I: Isa> {
+    /// Whether none of them is NaN.
+    const NUMBERS: bool;
+
     fn len(&self) -> usize;
     fn row(&self, isa: I, row: usize) -> I::Floats;
 }

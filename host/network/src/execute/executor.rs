@@ -6,7 +6,7 @@ use rfhoi_int8::{Kernels, Out};
 
 use super::convolution::{Convolution, max_pool};
 use super::dense::{Dense, Input, Norm, Sink};
-use super::transformer::{Transformer, Work};
+use super::transformer::Transformer;
 use super::{Between, ExecuteError, leaky};
 use crate::config::{Encoder, Fusion, LEAK, NetworkConfig};
 use crate::kept::Kept;
@@ -84,7 +84,6 @@ struct Memory {
     evidence: Vec<f32>,
     scores: Vec<f32>,
     between: Between,
-    transformer: Work,
 }
 
 /// Layers with weights.
@@ -147,7 +146,7 @@ impl Executor {
             }
             let length = work.sequence.len() / radar_width;
             add_positions(&mut work.sequence, length, radar_width);
-            temporal.run(kernels, &mut work.sequence, length, &mut work.transformer);
+            temporal.run(kernels, &mut work.sequence, length);
             kernels.mean_rows(&work.sequence, radar_width, &mut pooled);
         }
         let count = kept.tags.unwrap_or(0);
@@ -387,7 +386,7 @@ impl TagBranch {
         self.norm.run(kernels, &work.stacked, Out::F32(&mut work.sequence));
         work.sequence.iter_mut().for_each(|value| *value = leaky(*value, LEAK as f32));
         add_positions(&mut work.sequence, length, width);
-        self.temporal.run(kernels, &mut work.sequence, length, &mut work.transformer);
+        self.temporal.run(kernels, &mut work.sequence, length);
         let input = Input::F32(names);
         self.names.run(kernels, input, None, &mut work.scratch, Sink::F32(&mut work.named));
         let known = 2 * width + config.turn_features();

@@ -15,6 +15,7 @@ pub(super) struct Transformer {
     norm: Norm,
     heads: usize,
     width: usize,
+    work: Work,
 }
 
 #[derive(Debug, Clone)]
@@ -27,9 +28,9 @@ struct Layer {
     narrow: Dense,
 }
 
-/// Memory of a run.
+/// Memory of a run. Each branch has its own: what is as large as the time before need not be cleared.
 #[derive(Debug, Clone, Default)]
-pub(super) struct Work {
+struct Work {
     scratch: Between,
     qkv: Vec<f32>,
     seen: Between,
@@ -59,14 +60,16 @@ impl Transformer {
             norm: Norm::load(model, &format!("{name}.norm"))?,
             heads: branch.heads,
             width: branch.width,
+            work: Work::default(),
         })
     }
 
     /// Lets the tokens of each of several sequences of `length` see each other. Positions have been added.
-    pub(super) fn run(&mut self, kernels: &Kernels, tokens: &mut [f32], length: usize, work: &mut Work) {
+    pub(super) fn run(&mut self, kernels: &Kernels, tokens: &mut [f32], length: usize) {
+        let Self { layers, norm, heads, width, work } = self;
         let Work { scratch, qkv, seen, inner, scores } = work;
-        let (width, heads) = (self.width, self.heads);
-        for layer in &mut self.layers {
+        let (width, heads) = (*width, *heads);
+        for layer in layers {
             let normed = Input::Normed(tokens, &layer.attention_norm);
             layer.qkv.run(kernels, normed, None, scratch, Sink::F32(qkv));
             let float = layer.out.floats().is_some();
@@ -90,7 +93,7 @@ impl Transformer {
             layer.narrow.run(kernels, Input::Between(inner), None, scratch, Sink::Add(tokens));
         }
         scratch.floats.resize(tokens.len(), 0.0);
-        self.norm.run(kernels, tokens, Out::F32(&mut scratch.floats));
+        norm.run(kernels, tokens, Out::F32(&mut scratch.floats));
         tokens.copy_from_slice(&scratch.floats);
     }
 
