@@ -15,7 +15,7 @@ use crate::commands::train::RecipeArgs;
 use crate::commands::{Progress, listen_for_ctrl_c};
 
 /// Epochs, if nothing else is said.
-const EPOCHS: u32 = 24;
+const EPOCHS: u32 = 40;
 /// Twice as wide as the network that ships: the action is told from the mean of all tags, of which many are worn.
 const WIDTH: usize = 128;
 /// Frames of a token: in 1 s one of many tags is read a few times.
