@@ -1,9 +1,9 @@
 //! int8 kernels for the network's inference on the CPU: matrix products, 3x3 convolutions, and what lies between them.
 //!
 //! Activations are u8 with a zero point, weights s8 from -127 to 127, sums exact in i32; where AVX2 is all there is, activations up
-//! to [`SMALL`] and weights up to [`NARROW`] are multiplied fastest. [`Kernels`] runs them on the best
-//! instructions that the processor has ([`Level`]), on one thread or more, and gives the same bytes in every case: integer
-//! sums are exact, and floats are computed in an order that is the same everywhere, without fused products.
+//! to [`SMALL`] and weights up to [`NARROW`] are multiplied fastest. [`Kernels`] runs them on the best instructions that the
+//! processor has ([`Level`]), on one thread or more, and gives the same bytes in every case: integer sums are exact, and floats
+//! are computed in an order that is the same everywhere, products fused with sums at the same places.
 //!
 //! ```
 //! use rfhoi_int8::{Affine, Kernels, Out, Packed};

@@ -106,20 +106,8 @@ impl<'a> Sink<'a> {
     /// No other thread may use these places at the same time.
     #[inline(always)]
     pub(crate) unsafe fn store<I: Isa>(self, isa: I, at: usize, y: I::Floats, count: usize) {
-        assert!(count <= LANES && count <= self.len && at <= self.len - count, "beyond the output");
-        // SAFETY: just checked to lie within the slice borrowed for 'a; the caller has these places to itself.
-        unsafe {
-            match self.form {
-                Form::F32(to) => put(slice::from_raw_parts_mut(to.add(at), count), &isa.store(y)),
-                Form::Add(to) => {
-                    let to = slice::from_raw_parts_mut(to.add(at), count);
-                    put(to, &isa.store(isa.add(load(isa, to, 0.0), y)));
-                }
-                Form::U8(to, quant) => {
-                    put(slice::from_raw_parts_mut(to.add(at), count), &quantise(isa, y, quant));
-                }
-            }
-        }
+        // SAFETY: the caller's.
+        unsafe { self.store_rows(isa, (at, 0), Given([y]), count) };
     }
 
     /// Puts the first `count` lanes of each of `rows` at `at` and after, rows `stride` apart.
@@ -180,6 +168,23 @@ pub(crate) trait Rows<I: Isa> {
 
     fn len(&self) -> usize;
     fn row(&self, isa: I, row: usize) -> I::Floats;
+}
+
+/// Rows that are there already, and may be anything.
+pub(crate) struct Given<F, const R: usize>(pub(crate) [F; R]);
+
+impl<I: Isa, const R: usize> Rows<I> for Given<I::Floats, R> {
+    const NUMBERS: bool = false;
+
+    #[inline(always)]
+    fn len(&self) -> usize {
+        R
+    }
+
+    #[inline(always)]
+    fn row(&self, _: I, row: usize) -> I::Floats {
+        self.0[row]
+    }
 }
 
 /// As many as `to` has; all sixteen are a copy of fixed size.
