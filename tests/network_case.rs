@@ -20,29 +20,34 @@ pub const TAGS: usize = 6;
 pub struct Case {
     /// f32.
     pub model: Model,
-    /// [`FRAMES`] frames of [`TAGS`] tags.
+    /// [`FRAMES`] frames.
     pub sample: Sample,
     /// A vector for each tag.
     pub names: Vec<Vec<f32>>,
 }
 
 impl Case {
-    /// Random frames for `model`, whose scores are taken as they are: at temperature 1.
-    pub fn new(mut model: Model) -> Self {
+    /// Random frames of [`TAGS`] tags for `model`, whose scores are taken as they are: at temperature 1.
+    pub fn new(model: Model) -> Self {
+        Self::with_tags(model, TAGS)
+    }
+
+    /// The same of so many tags.
+    pub fn with_tags(mut model: Model, tags: usize) -> Self {
         model.description.temperature = 1.0;
         let config = &model.description.config;
         let mut rng = ChaCha8Rng::seed_from_u64(1);
-        let mut frames = Frames::new(config.points, TAGS, config.antennas);
+        let mut frames = Frames::new(config.points, tags, config.antennas);
         for _ in 0..FRAMES {
             let maps: Vec<u8> = (0..MAPS * config.points * config.points).map(|_| rng.random()).collect();
             let scalars: Vec<f32> = (0..SCALARS).map(|_| rng.random()).collect();
-            let count = TAGS * config.antennas * READ_CHANNELS;
+            let count = tags * config.antennas * READ_CHANNELS;
             let reads: Vec<f32> = (0..count).map(|_| rng.random_range(-1.0..1.0)).collect();
             frames.push(Frame { maps: &maps, scalars: &scalars, reads: &reads, covariance: &[] });
         }
         let mut name = || (0..config.name_dimensions).map(|_| rng.random_range(-1.0..1.0)).collect();
-        let names = (0..TAGS).map(|_| name()).collect();
-        let sample = Sample { frames, objects: (0..TAGS).collect(), ..Sample::default() };
+        let names = (0..tags).map(|_| name()).collect();
+        let sample = Sample { frames, objects: (0..tags).collect(), ..Sample::default() };
         Self { model, sample, names }
     }
 
@@ -77,8 +82,8 @@ impl Case {
         let bytes = |values: &[f32]| values.iter().flat_map(|v| v.to_le_bytes()).collect::<Vec<u8>>();
         let frames = &self.sample.frames;
         let maps = vec![FRAMES, MAPS, config.points, config.points];
-        let reads = vec![FRAMES, TAGS, config.antennas, READ_CHANNELS];
-        let names = vec![TAGS, config.name_dimensions];
+        let reads = vec![FRAMES, frames.tags, config.antennas, READ_CHANNELS];
+        let names = vec![frames.tags, config.name_dimensions];
         let arrays: BTreeMap<&str, (Dtype, Vec<usize>, Vec<u8>)> = BTreeMap::from([
             ("maps", (Dtype::U8, maps, frames.maps.clone())),
             ("scalars", (Dtype::F32, vec![FRAMES, SCALARS], bytes(&frames.scalars))),

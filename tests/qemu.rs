@@ -9,6 +9,7 @@
 
 use std::collections::BTreeMap;
 use std::io::Write;
+use std::num::NonZeroUsize;
 use std::path::Path;
 use std::time::{Duration, Instant};
 
@@ -281,7 +282,8 @@ fn recognise(machine: &mut Machine) {
     let model = model::built_in(Precision::Int8).expect("it is built in");
     let names = model::names().expect("they are built in");
     let told = |frames: &[RadarFrame]| {
-        let settings = Settings { profile: None, tags: TagNames::simulated(), least: None };
+        let settings =
+            Settings { profile: None, tags: TagNames::simulated(), least: None, threads: NonZeroUsize::MIN };
         let mut recognizer = Recognizer::new(&model, &names, settings).expect("it is for this radar");
         acted.recognise(frames, &mut recognizer)
     };

@@ -1,5 +1,6 @@
 //! The shipped recording of a simulated evening, packet by packet, by the models that are built in: what the README shows.
 
+use std::num::NonZeroUsize;
 use std::path::Path;
 
 use expect_test::expect;
@@ -28,7 +29,12 @@ fn changed(precision: Precision, change: Change<'_>) -> Vec<Recognition> {
     let beside = recording.with_file_name("evening.cfg");
     let board = Board { array: RadarProfile::bridge().array, mounting: RadarProfile::bridge().mounting };
     let profile = profile::load(&beside.to_string_lossy(), board).unwrap();
-    let settings = Settings { profile: Some(profile), tags: TagNames::simulated(), least: None };
+    let settings = Settings {
+        profile: Some(profile),
+        tags: TagNames::simulated(),
+        least: None,
+        threads: NonZeroUsize::MIN,
+    };
     let mut recognizer = Recognizer::new(&built_in(precision).unwrap(), &names().unwrap(), settings).unwrap();
     let mut all = Vec::new();
     let radar = recognizer.radar().clone();

@@ -2,7 +2,7 @@
 //! kernels against f32 on Burn's `ndarray`.
 //!
 //! `cargo bench -p rfhoi-tests --bench answer -- [small|paper|FILE]...`: of these shapes with random weights, or of the f32
-//! model in a file. `--case DIR` leaves the last one, a window and Burn's answer there for `tests/peers/onnx.py`; `--json` prints
+//! model in a file. `--tags N` takes so many tags in place of six. `--case DIR` leaves the last one, a window and Burn's answer there for `tests/peers/onnx.py`; `--json` prints
 //! one line of our times alone, which that script's `--ours` takes.
 
 use std::path::Path;
@@ -14,7 +14,7 @@ use rfhoi_network::execute::{Executor, quantize};
 use rfhoi_network::model::Model;
 use rfhoi_network::reference::Reference;
 use rfhoi_network::sample::Runner;
-use rfhoi_tests::network_case::Case;
+use rfhoi_tests::network_case::{Case, TAGS};
 
 /// Multiplications in all runs of a measurement, about: small networks run oftener.
 const WORK: usize = 40_000_000;
@@ -64,11 +64,12 @@ fn time<const N: usize>(mut timed: [Timed<'_>; N], case: &Case) -> [(f64, f64); 
 
 fn main() {
     let mut words = std::env::args().skip(1).filter(|word| word != "--bench");
-    let (mut names, mut json, mut folder) = (Vec::new(), false, None);
+    let (mut names, mut json, mut folder, mut tags) = (Vec::new(), false, None, TAGS);
     while let Some(word) = words.next() {
         match word.as_str() {
             "--json" => json = true,
             "--case" => folder = words.next(),
+            "--tags" => tags = words.next().and_then(|n| n.parse().ok()).expect("a number of tags"),
             _ => names.push(word),
         }
     }
@@ -82,7 +83,7 @@ fn main() {
             "paper" => untrained(NetworkConfig::paper(32)),
             path => Model::from_bytes(&std::fs::read(path).expect("a model's file")).expect("a model"),
         };
-        let case = Case::new(model);
+        let case = Case::with_tags(model, tags);
         if let Some(folder) = &folder {
             case.write(Path::new(folder));
         }
@@ -100,6 +101,7 @@ fn main() {
         let [one, two, burn] = time([best(1), best(2), Timed::new(burn, runs / 8)], &case);
         let mut line = serde_json::json!({
             "model": name,
+            "tags": tags,
             "parameters": case.model.parameters(),
             "level": Kernels::best().level().name(),
             "int8_frame_ms": [one.0, two.0],

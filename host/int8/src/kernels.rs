@@ -1,7 +1,7 @@
 //! The kernels as their callers see them: shapes are checked here, once.
 
 use std::cell::RefCell;
-use std::sync::Arc;
+use std::sync::{Arc, Mutex, PoisonError};
 
 use crate::attention::{self, Attention};
 use crate::conv::{Conv, ConvShape};
@@ -68,6 +68,23 @@ impl Kernels {
     /// Threads, the one that calls among them.
     pub fn threads(&self) -> usize {
         self.threads.as_ref().map_or(1, |threads| threads.count())
+    }
+
+    /// Runs `part` on each of `parts`, on this thread and the others: for work that is made of many kernels. These run on the
+    /// thread that calls them meanwhile.
+    ///
+    /// # Panics
+    /// If `part` does, or there are more than 65535.
+    pub fn share<T: Send>(&self, parts: &mut [T], part: impl Fn(&mut T) + Sync) {
+        match &self.threads {
+            Some(threads) if parts.len() > 1 => {
+                let parts: Vec<Mutex<&mut T>> = parts.iter_mut().map(Mutex::new).collect();
+                threads.run(parts.len(), &|number| {
+                    part(&mut parts[number].lock().unwrap_or_else(PoisonError::into_inner));
+                });
+            }
+            _ => parts.iter_mut().for_each(part),
+        }
     }
 
     /// `rows` of inputs, `[rows][k]`, by `weights`: `[rows][n]`.

@@ -357,6 +357,20 @@ fn products_that_threads_share() {
 }
 
 #[test]
+fn parts_that_threads_share_are_each_done_once() {
+    for kernels in KERNELS.iter() {
+        let mut parts: Vec<Vec<u8>> = (0..9).map(|number| vec![0; 8 * number]).collect();
+        kernels.share(&mut parts, |part| {
+            let values: Vec<f32> = (0..part.len()).map(|value| value as f32).collect();
+            kernels.quantise(&values, Quant { inverse: 1.0, zero: 1, top: u8::MAX }, part);
+        });
+        for (number, part) in parts.iter().enumerate() {
+            assert_eq!(*part, (1..=8 * number as u8).collect::<Vec<_>>(), "{} threads", kernels.threads());
+        }
+    }
+}
+
+#[test]
 fn sums_fold_the_zero_point() {
     let numbers = weights(5 * 37, 9, false, 127);
     let packed = Packed::new(37, 5, &numbers);

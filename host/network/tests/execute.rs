@@ -148,3 +148,17 @@ fn damaged_files_are_refused() {
     wrong.description.config.radar.width = 17;
     assert!(Model::from_bytes(&wrong.to_bytes().unwrap()).is_err());
 }
+
+#[test]
+fn threads_that_share_tags_answer_the_same() {
+    let model = model(Fusion::Concat);
+    // Enough tags for it to be worth it, more than groups.
+    let sample = sample(7, 100, 40);
+    let int8 = quantize(&model, &[&sample], &names()).unwrap();
+    let answers = [1, 2, 3].map(|threads| {
+        let kernels = Kernels::best().with_threads(threads);
+        let mut executor = Executor::new(&int8, kernels).unwrap();
+        [run(&mut executor, &sample), run(&mut executor, &sample)]
+    });
+    assert!(answers.iter().flatten().all(|answer| *answer == answers[0][0]));
+}

@@ -1,5 +1,6 @@
 //! `rfhoi recognize`.
 
+use std::num::NonZeroUsize;
 use std::path::PathBuf;
 use std::time::{Duration, Instant};
 
@@ -42,6 +43,9 @@ pub(super) struct Recognize {
     /// Tell tuples of at least this probability, 0 to 1; by default what the model says.
     #[arg(long, value_name = "P", value_parser = probability)]
     least: Option<f32>,
+    /// Threads that share an answer of the int8 network: worth it with many tags.
+    #[arg(long, value_name = "N", default_value = "1")]
+    threads: NonZeroUsize,
     #[command(flatten)]
     profile: ProfileArgs,
 }
@@ -88,7 +92,7 @@ impl Recognize {
         let tags = self.tags.as_deref().map_or_else(|| Ok(TagNames::simulated()), TagNames::read)?;
         let names_from = if tags.is_list() { "list" } else { "simulated tags" };
         let profile = self.profile.load(self.file.as_deref())?;
-        let settings = Settings { profile: profile.clone(), tags, least: self.least };
+        let settings = Settings { profile: profile.clone(), tags, least: self.least, threads: self.threads };
         let mut recognizer = Recognizer::new(&model, &names()?, settings)?;
         let mut notes = recognizer.remarks().to_vec();
         let mut screen = Screen { json, live: self.live.is_some(), ..Screen::default() };

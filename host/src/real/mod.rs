@@ -11,6 +11,7 @@
 //! people, simulated radios, the network that ships.
 
 pub mod files;
+mod micro_doppler;
 pub mod motion;
 pub mod radar;
 pub mod reads;

@@ -2,7 +2,7 @@
 //!
 //! | data set | device | what a frame is |
 //! |---|---|---|
-//! | RadarHAR (`index.csv` with `person`, `doppler_u8_128x156.npy`) | BGT60LTR11AIP, 61 GHz, CW | the spectrogram around it: all of both bands, and the middle of the low one |
+//! | RadarHAR (`index.csv` with `person`, `doppler_u8_128x156.npy`) | BGT60LTR11AIP, 61 GHz, CW | a window of the spectrogram: how strong each speed is for how long, and at which cadences |
 //! | KKT60 (`index.csv` with `label_first`, `.h5` files) | K60168A, 60 GHz FMCW, 2 receivers | range-Doppler and angle-Doppler |
 //!
 //! None has tags; each sample has one that was never read.
@@ -10,12 +10,12 @@
 use std::io::Cursor;
 use std::path::Path;
 
-use ndarray::{Array3, ArrayView2, Axis};
+use ndarray::{Array3, ArrayView2, Axis, ShapeError};
 use ndarray_npy::ReadNpyExt;
 use rfhoi_network::sample::{Frame, Frames, MAPS, READ_CHANNELS, SCALARS, Sample, scalar};
 use serde::Deserialize;
 
-use super::{Real, RealError, files};
+use super::{Real, RealError, files, micro_doppler};
 
 /// Points of all maps each way.
 pub const POINTS: usize = 32;
@@ -23,8 +23,6 @@ const SIZE: usize = POINTS * POINTS;
 
 /// Name of the list of recordings.
 const INDEX: &str = "index.csv";
-/// Frames from one token of a spectrogram to the next.
-const HOP: usize = 2;
 /// Codes of an octave of amplitude, and the amplitude that is one unit.
 const CODES_OF_OCTAVE: f32 = 28.0;
 /// Frames before one, and after it, from which its own label is told: 0.28 and 0.14 s.
@@ -123,7 +121,7 @@ fn spectrograms(path: &Path, rows: &[Row]) -> Result<Real, RealError> {
     let mut real = Real { names: vec![vec![1.0]], ..Real::default() };
     for row in rows {
         real.samples.push(Sample {
-            frames: spectrogram(values.index_axis(Axis(0), row.row)),
+            frames: spectrogram(values.index_axis(Axis(0), row.row)).map_err(|error| wrong(path, error))?,
             objects: vec![0],
             action: classes.iter().position(|class| *class == row.class),
             ..Sample::default()
@@ -136,31 +134,12 @@ fn spectrograms(path: &Path, rows: &[Row]) -> Result<Real, RealError> {
 }
 
 /// Frames of a spectrogram, `[Doppler][frames][high band, low band]`, of which the last two are one axis.
-fn spectrogram(both: ArrayView2<'_, u8>) -> Frames {
-    let (rows, count) = (both.dim().0, both.dim().1 / 2);
+fn spectrogram(both: ArrayView2<'_, u8>) -> Result<Frames, ShapeError> {
+    let (rows, columns) = both.dim();
+    let both = both.into_shape_with_order((rows, columns / 2, 2))?;
     let mut frames = Frames::new(POINTS, 1, 1);
-    let mut maps = vec![0; MAPS * SIZE];
-    let pooled = rows / POINTS;
-    for now in (0..count).step_by(HOP) {
-        maps.fill(0);
-        for column in 0..POINTS {
-            let Some(time) = (now + column).checked_sub(POINTS / 2).filter(|time| *time < count) else {
-                continue;
-            };
-            for row in 0..POINTS {
-                let most = |band: usize| {
-                    (0..pooled).map(|n| both[(row * pooled + n, 2 * time + band)]).max().unwrap_or(0)
-                };
-                let middle = both[(rows / 2 - POINTS / 2 + row, 2 * time + 1)];
-                let values = [most(1), middle, most(0)];
-                for (map, value) in values.into_iter().enumerate() {
-                    maps[map * SIZE + row * POINTS + column] = octaves(value.into());
-                }
-            }
-        }
-        push(&mut frames, &maps);
-    }
-    frames
+    micro_doppler::frames(both).iter().for_each(|maps| push(&mut frames, maps));
+    Ok(frames)
 }
 
 /// The code of an amplitude, 0 to 255.
@@ -299,20 +278,5 @@ mod tests {
         assert_eq!(around[4].frame(4).maps[0], 128 + 42);
         assert_eq!(self::clip(&moves[2..]).gesture(), None, "too few frames before it");
         assert_eq!(self::clip(&[false; 5]).gesture(), None);
-    }
-
-    #[test]
-    fn spectrograms_are_seen_around_each_token() {
-        let mut both = ndarray::Array2::<u8>::zeros((128, 20));
-        both[(64, 2 * 3 + 1)] = 255;
-        let frames = spectrogram(both.view());
-        assert_eq!(frames.len(), 5);
-        for number in 0..5 {
-            // Column 16 is the token's own time; row 16 of both holds row 64.
-            let column = 16 + 3 - HOP * number;
-            let maps = frames.frame(number).maps;
-            assert_eq!((maps[16 * POINTS + column], maps[SIZE + 16 * POINTS + column]), (224, 224));
-            assert_eq!(maps.iter().filter(|code| **code > 0).count(), 2);
-        }
     }
 }

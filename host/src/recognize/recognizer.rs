@@ -1,6 +1,7 @@
 //! The recognizer.
 
 use std::collections::VecDeque;
+use std::num::NonZeroUsize;
 use std::ops::Range;
 
 use rfhoi_int8::Kernels;
@@ -45,6 +46,8 @@ pub struct Settings {
     pub tags: TagNames,
     /// A tuple less probable than this is not told; `None` for what the model says.
     pub least: Option<f32>,
+    /// Threads that share an answer.
+    pub threads: NonZeroUsize,
 }
 
 /// Takes packets of one bridge, tells what was done.
@@ -97,7 +100,7 @@ impl Recognizer {
     /// # Errors
     /// If the model cannot run here, or is for another radar or other names.
     pub fn new(model: &Model, names: &Names, settings: Settings) -> Result<Self, RecognizeError> {
-        let runner = runner(model, Kernels::best())?;
+        let runner = runner(model, Kernels::best().with_threads(settings.threads.get()))?;
         Self::with_runner(runner, &model.description, names, settings)
     }
 

@@ -1,4 +1,5 @@
 use std::cell::RefCell;
+use std::num::NonZeroUsize;
 use std::ops::Range;
 use std::rc::Rc;
 
@@ -207,7 +208,7 @@ fn epc(number: u8) -> Epc {
 }
 
 fn settings() -> Settings {
-    Settings { profile: None, tags: TagNames::simulated(), least: None }
+    Settings { profile: None, tags: TagNames::simulated(), least: None, threads: NonZeroUsize::MIN }
 }
 
 fn sure(p: f32) -> (Recognizer, Rc<RefCell<Asked>>) {

@@ -1,5 +1,7 @@
 //! A dense layer, in f32 with an eye on its inputs, or in int8.
 
+use std::sync::{Mutex, PoisonError};
+
 use rfhoi_int8::{Affine, Kernels, Out, Packed};
 
 use super::{Between, Codes, Seen, leaky};
@@ -37,8 +39,28 @@ pub(super) struct Dense {
 
 #[derive(Debug, Clone)]
 enum Kind {
-    Float { weights: Vec<f32>, bias: Vec<f32>, seen: Seen },
+    Float { weights: Vec<f32>, bias: Vec<f32>, seen: Watch },
     Int8 { weights: Packed, scale: Vec<f32>, bias: Vec<f32>, input: Codes },
+}
+
+/// What reached a layer so far; threads share the layer.
+#[derive(Debug, Default)]
+struct Watch(Mutex<Seen>);
+
+impl Watch {
+    fn look(&self, values: &[f32]) {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner).look(values);
+    }
+
+    fn get(&self) -> Seen {
+        *self.0.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+impl Clone for Watch {
+    fn clone(&self) -> Self {
+        Self(Mutex::new(self.get()))
+    }
 }
 
 /// What goes in.
@@ -85,7 +107,7 @@ impl Dense {
                 for out in 0..outputs {
                     weights.extend(part.clone().map(|input| values[input * outputs + out]));
                 }
-                (part.len(), outputs, Kind::Float { weights, bias, seen: Seen::default() })
+                (part.len(), outputs, Kind::Float { weights, bias, seen: Watch::default() })
             }
             Precision::Int8 => {
                 let (outputs, inputs) = (*a, *b);
@@ -104,14 +126,14 @@ impl Dense {
 
     /// Runs on all rows. `scratch` is for codes; `shift` is added to the bias of a single row.
     pub(super) fn run(
-        &mut self,
+        &self,
         kernels: &Kernels,
         input: Input<'_>,
         shift: Option<&[f32]>,
         scratch: &mut Between,
         sink: Sink<'_>,
     ) {
-        match &mut self.kind {
+        match &self.kind {
             Kind::Float { weights, bias, seen } => {
                 let values = match input {
                     Input::F32(values) => values,
@@ -123,7 +145,7 @@ impl Dense {
                     }
                 };
                 seen.look(values);
-                let (weights, bias, leak) = (&*weights, &*bias, self.leak);
+                let leak = self.leak;
                 let outputs = values.chunks_exact(self.inputs).flat_map(|row| {
                     weights.chunks_exact(self.inputs).enumerate().map(move |(n, weights)| {
                         let sum: f32 = row.iter().zip(weights).map(|(x, w)| x * w).sum();
@@ -187,7 +209,7 @@ impl Dense {
     pub(super) fn codes(&self) -> Codes {
         match &self.kind {
             Kind::Int8 { input, .. } => *input,
-            Kind::Float { seen, .. } => seen.codes(),
+            Kind::Float { seen, .. } => seen.get().codes(),
         }
     }
 

@@ -6,7 +6,7 @@ use rfhoi_int8::{Kernels, Out};
 
 use super::convolution::{Convolution, max_pool};
 use super::dense::{Dense, Input, Norm, Sink};
-use super::transformer::Transformer;
+use super::transformer::{Transformer, Work};
 use super::{Between, ExecuteError, leaky};
 use crate::config::{Encoder, Fusion, LEAK, NetworkConfig};
 use crate::kept::Kept;
@@ -15,6 +15,12 @@ use crate::network::token_of_tag;
 use crate::positions::positions;
 use crate::probability::softmax;
 use crate::sample::{Answer, Frame, InputError, Runner};
+
+/// Multiplications of the tags' layers from which on threads share tags: some 50 us of one alone. Waking a thread that sleeps
+/// takes 10 to 30.
+const SHARED: usize = 1 << 21;
+/// Groups of tags for each thread but the one that has the radar's branch: so that whoever is done early takes another.
+const GROUPS: usize = 8;
 
 /// Runs a model, int8 or, to learn its scales, f32.
 #[derive(Debug, Clone)]
@@ -76,14 +82,59 @@ struct Memory {
     joined: Vec<f32>,
     normed: Vec<f32>,
     token: Vec<f32>,
-    sequence: Vec<f32>,
-    stacked: Vec<f32>,
-    reads: Vec<f32>,
+    moved: Vec<f32>,
+    lanes: Vec<Lane>,
     tags: Vec<f32>,
     named: Vec<f32>,
     evidence: Vec<f32>,
     scores: Vec<f32>,
     between: Between,
+}
+
+/// Memory of one share of an answer's work.
+#[derive(Debug, Clone, Default)]
+struct Lane {
+    scratch: Between,
+    input: Vec<f32>,
+    encoded: Vec<f32>,
+    sequence: Vec<f32>,
+    temporal: Work,
+}
+
+/// A share of an answer's work: what a branch sees over time.
+enum Share<'a> {
+    Radar { encoder: &'a RadarEncoder, temporal: &'a Transformer, lane: &'a mut Lane, pooled: &'a mut [f32] },
+    Tags { branch: &'a TagBranch, tags: Range<usize>, lane: &'a mut Lane, moved: &'a mut [f32] },
+}
+
+impl Share<'_> {
+    fn run(&mut self, config: &NetworkConfig, kernels: &Kernels, kept: &Kept, frames: &Range<usize>) {
+        let part = frames.start - kept.first..frames.end - kept.first;
+        match self {
+            Self::Radar { encoder, temporal, lane, pooled } => {
+                let width = pooled.len();
+                let Lane { scratch, input, sequence, temporal: work, .. } = &mut **lane;
+                let tokens = &kept.tokens[part.start * width..part.end * width];
+                sequence.clear();
+                match &encoder.stack {
+                    Some(stack) => {
+                        input.clear();
+                        input.extend_from_slice(tokens);
+                        input.resize(tokens.len().next_multiple_of(config.radar.stack * width), 0.0);
+                        stack.run(kernels, Input::F32(input), None, scratch, Sink::F32(sequence));
+                    }
+                    None => sequence.extend_from_slice(tokens),
+                }
+                let length = sequence.len() / width;
+                add_positions(sequence, length, width);
+                temporal.run(kernels, sequence, length, work);
+                kernels.mean_rows(sequence, width, pooled);
+            }
+            Self::Tags { branch, tags, lane, moved } => {
+                branch.moved(config, kernels, (kept, part), tags.clone(), lane, moved);
+            }
+        }
+    }
 }
 
 /// Layers with weights.
@@ -124,34 +175,56 @@ impl Executor {
         })
     }
 
+    /// What both branches see over time: leaves the tags' part in `work.moved`, the radar's is returned.
+    fn over_time(&mut self, frames: &Range<usize>) -> Vec<f32> {
+        let Self { config, kernels, work, kept, .. } = self;
+        let width = config.tags.width;
+        let count = kept.tags.unwrap_or(0);
+        let mut pooled = vec![0.0; config.radar.width];
+        work.moved.resize(count * width, 0.0);
+        let branch = self.tags.as_ref().filter(|_| count > 0);
+        let multiplications = |temporal: &Transformer, stack: usize, sequences: usize| {
+            sequences * frames.len().div_ceil(stack) * temporal.multiplications()
+        };
+        let of_tags = branch.map_or(0, |tags| multiplications(&tags.temporal, config.tags.stack, count));
+        let of_radar = self.radar.as_ref().map_or(0, |radar| multiplications(radar, config.radar.stack, 1));
+        let others = kernels.threads() - 1;
+        // One thread has the radar's branch. If that is most of the work, threads share its products instead.
+        let shared = others > 0 && of_tags >= SHARED && of_radar * others <= of_tags;
+        let groups = if shared { (GROUPS * others).min(count) } else { 1 };
+        work.lanes.resize_with(groups + 1, Lane::default);
+        let mut lanes = work.lanes.iter_mut();
+        let mut shares = Vec::with_capacity(groups + 1);
+        if let (Some(encoder), Some(temporal), Some(lane)) = (&self.encoder, &self.radar, lanes.next()) {
+            shares.push(Share::Radar { encoder, temporal, lane, pooled: &mut pooled });
+        }
+        if let Some(branch) = branch {
+            let mut rest = work.moved.as_mut_slice();
+            for (group, lane) in lanes.take(groups).enumerate() {
+                let tags = group * count / groups..(group + 1) * count / groups;
+                let (moved, after) = rest.split_at_mut(tags.len() * width);
+                rest = after;
+                shares.push(Share::Tags { branch, tags, lane, moved });
+            }
+        }
+        let run = |share: &mut Share<'_>| share.run(config, kernels, kept, frames);
+        if shared {
+            kernels.share(&mut shares, run)
+        } else {
+            shares.iter_mut().for_each(run)
+        }
+        pooled
+    }
+
     /// Scores before the softmax: of actions, of tags.
     fn scores(&mut self, frames: Range<usize>, names: &[f32]) -> (Vec<f32>, Vec<f32>) {
+        let pooled = self.over_time(&frames);
         let Self { config, kernels, work, kept, .. } = self;
-        let (radar_width, tag_width) = (config.radar.width, config.tags.width);
-        let mut pooled = vec![0.0; radar_width];
-        if let (Some(encoder), Some(temporal)) = (&mut self.encoder, &mut self.radar) {
-            let from = (frames.start - kept.first) * radar_width;
-            let to = (frames.end - kept.first) * radar_width;
-            work.sequence.clear();
-            match &mut encoder.stack {
-                Some(stack) => {
-                    let group = config.radar.stack * radar_width;
-                    work.stacked.clear();
-                    work.stacked.extend_from_slice(&kept.tokens[from..to]);
-                    work.stacked.resize((to - from).next_multiple_of(group), 0.0);
-                    let input = Input::F32(&work.stacked);
-                    stack.run(kernels, input, None, &mut work.scratch, Sink::F32(&mut work.sequence));
-                }
-                None => work.sequence.extend_from_slice(&kept.tokens[from..to]),
-            }
-            let length = work.sequence.len() / radar_width;
-            add_positions(&mut work.sequence, length, radar_width);
-            temporal.run(kernels, &mut work.sequence, length);
-            kernels.mean_rows(&work.sequence, radar_width, &mut pooled);
-        }
+        let tag_width = config.tags.width;
         let count = kept.tags.unwrap_or(0);
-        if let Some(branch) = &mut self.tags {
-            branch.run(config, kernels, kept, frames, names, work);
+        work.tags.clear();
+        if let Some(branch) = self.tags.as_ref().filter(|_| count > 0) {
+            branch.join(config, kernels, kept, frames, names, work);
         }
         let mut targets = Vec::with_capacity(count);
         let tags = config.fusion.has_tags().then_some(work.tags.as_slice());
@@ -357,9 +430,38 @@ impl TagBranch {
         })
     }
 
-    /// Leaves each tag's features in `work.tags`.
-    fn run(
-        &mut self,
+    /// What each of some tags did over a part of the frames that are kept.
+    fn moved(
+        &self,
+        config: &NetworkConfig,
+        kernels: &Kernels,
+        (kept, part): (&Kept, Range<usize>),
+        tags: Range<usize>,
+        lane: &mut Lane,
+        moved: &mut [f32],
+    ) {
+        let Lane { scratch, input, encoded, sequence, temporal } = lane;
+        let (width, features) = (config.tags.width, config.read_features());
+        let length = part.len().div_ceil(config.tags.stack);
+        input.resize(tags.len() * length * features, 0.0);
+        for (row, out) in input.chunks_exact_mut(features).enumerate() {
+            let tag = tags.start + row / length;
+            token_of_tag(config, &kept.frames, part.clone(), tag, row % length, out);
+        }
+        self.encoder.run(kernels, Input::F32(input), None, scratch, Sink::F32(encoded));
+        sequence.resize(encoded.len(), 0.0);
+        self.norm.run(kernels, encoded, Out::F32(sequence));
+        sequence.iter_mut().for_each(|value| *value = leaky(*value, LEAK as f32));
+        add_positions(sequence, length, width);
+        self.temporal.run(kernels, sequence, length, temporal);
+        for (tokens, moved) in sequence.chunks_exact(length * width).zip(moved.chunks_exact_mut(width)) {
+            kernels.mean_rows(tokens, width, moved);
+        }
+    }
+
+    /// Leaves each tag's features in `work.tags`: what it did, its name, its net turns.
+    fn join(
+        &self,
         config: &NetworkConfig,
         kernels: &Kernels,
         kept: &Kept,
@@ -368,25 +470,7 @@ impl TagBranch {
         work: &mut Memory,
     ) {
         let (width, count) = (config.tags.width, kept.tags.unwrap_or(0));
-        let length = frames.len().div_ceil(config.tags.stack);
-        let features = config.read_features();
-        work.tags.clear();
-        if count == 0 {
-            return;
-        }
-        work.reads.resize(count * length * features, 0.0);
-        let part = (frames.start - kept.first)..(frames.end - kept.first);
-        let rows = work.reads.chunks_exact_mut(features).enumerate();
-        rows.for_each(|(row, out)| {
-            token_of_tag(config, &kept.frames, part.clone(), row / length, row % length, out);
-        });
-        let input = Input::F32(&work.reads);
-        self.encoder.run(kernels, input, None, &mut work.scratch, Sink::F32(&mut work.stacked));
-        work.sequence.resize(work.stacked.len(), 0.0);
-        self.norm.run(kernels, &work.stacked, Out::F32(&mut work.sequence));
-        work.sequence.iter_mut().for_each(|value| *value = leaky(*value, LEAK as f32));
-        add_positions(&mut work.sequence, length, width);
-        self.temporal.run(kernels, &mut work.sequence, length);
+        let part = frames.start - kept.first..frames.end - kept.first;
         let input = Input::F32(names);
         self.names.run(kernels, input, None, &mut work.scratch, Sink::F32(&mut work.named));
         let known = 2 * width + config.turn_features();
@@ -394,8 +478,7 @@ impl TagBranch {
         for (tag, out) in work.evidence.chunks_exact_mut(known).enumerate() {
             let (moved, rest) = out.split_at_mut(width);
             let (named, turns) = rest.split_at_mut(width);
-            let tokens = &work.sequence[tag * length * width..(tag + 1) * length * width];
-            kernels.mean_rows(tokens, width, moved);
+            moved.copy_from_slice(&work.moved[tag * width..(tag + 1) * width]);
             named.copy_from_slice(&work.named[tag * width..(tag + 1) * width]);
             kept.turns_of_tag(part.clone(), tag, turns);
         }

@@ -15,7 +15,6 @@ pub(super) struct Transformer {
     norm: Norm,
     heads: usize,
     width: usize,
-    work: Work,
 }
 
 #[derive(Debug, Clone)]
@@ -28,9 +27,9 @@ struct Layer {
     narrow: Dense,
 }
 
-/// Memory of a run. Each branch has its own: what is as large as the time before need not be cleared.
+/// Memory of a run. Each share of an answer has its own: what is as large as the time before need not be cleared.
 #[derive(Debug, Clone, Default)]
-struct Work {
+pub(super) struct Work {
     scratch: Between,
     qkv: Vec<f32>,
     seen: Between,
@@ -60,13 +59,12 @@ impl Transformer {
             norm: Norm::load(model, &format!("{name}.norm"))?,
             heads: branch.heads,
             width: branch.width,
-            work: Work::default(),
         })
     }
 
     /// Lets the tokens of each of several sequences of `length` see each other. Positions have been added.
-    pub(super) fn run(&mut self, kernels: &Kernels, tokens: &mut [f32], length: usize) {
-        let Self { layers, norm, heads, width, work } = self;
+    pub(super) fn run(&self, kernels: &Kernels, tokens: &mut [f32], length: usize, work: &mut Work) {
+        let Self { layers, norm, heads, width } = self;
         let Work { scratch, qkv, seen, inner, scores } = work;
         let (width, heads) = (*width, *heads);
         for layer in layers {
@@ -95,6 +93,11 @@ impl Transformer {
         scratch.floats.resize(tokens.len(), 0.0);
         norm.run(kernels, tokens, Out::F32(&mut scratch.floats));
         tokens.copy_from_slice(&scratch.floats);
+    }
+
+    /// Multiplications of a token's dense layers.
+    pub(super) fn multiplications(&self) -> usize {
+        self.dense().map(|dense| dense.inputs * dense.outputs).sum()
     }
 
     /// All dense layers.

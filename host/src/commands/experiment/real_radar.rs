@@ -16,7 +16,8 @@ use super::branch::{Reached, Trial, together, without};
 use crate::commands::train::RecipeArgs;
 use crate::commands::{Progress, listen_for_ctrl_c};
 
-/// Epochs, if nothing else is said: of whole recordings, of labels of single frames.
+/// Epochs, if nothing else is said: of people's recordings, of gestures, of labels of single frames.
+const PEOPLE_EPOCHS: u32 = 30;
 const EPOCHS: u32 = 40;
 const FRAME_EPOCHS: u32 = 8;
 /// Share of each class's clips, the last ones, that is tested on.
@@ -69,8 +70,8 @@ impl RealRadar {
     fn people(&self, real: &Real, say: &dyn Fn(&str)) -> anyhow::Result<Value> {
         // Few people: much is left out, so that the network does not learn them by heart.
         let config = NetworkConfig { dropout: 0.3, ..config([true; 3], real.classes.len()) };
-        let augment = Augment { crop: 6, gain: 28, noise: 10, map: 0.1, ..Augment::NONE };
-        let recipe = Recipe { epochs: EPOCHS, batch: 8, learning_rate: 1e-3, augment, ..recipe() };
+        let augment = Augment { crop: 2, noise: 5, ..Augment::NONE };
+        let recipe = Recipe { epochs: PEOPLE_EPOCHS, batch: 8, learning_rate: 1e-3, augment, ..recipe() };
         let recipe = self.recipe.apply(Recipe { weight_decay: 0.05, smoothing: 0.1, ..recipe })?;
         let mut reached: Vec<Reached> = Vec::new();
         for (number, who) in real.who.iter().enumerate() {
