@@ -22,7 +22,8 @@ const FLOOR: f64 = 0.5;
 const HEIGHT: f64 = 0.02;
 /// A height of fewer octaves is noise.
 const LEAST_HEIGHT: f32 = 0.5;
-/// Codes of a height: cells reach about twice of it, and a cadence about a window's worth.
+/// Codes of a height: twice of it still fits. And of a height's sum over a window: a row that goes from floor to height and back at
+/// one cadence adds up to 7.6 of them, 153 codes.
 const CODES_OF_HEIGHT: f32 = 122.0;
 const CODES_OF_CADENCE: f32 = 20.0;
 
