@@ -123,7 +123,7 @@ mod tests {
                 let map = &maps[map * SIZE..(map + 1) * SIZE];
                 let (place, most) = map.iter().enumerate().max_by_key(|(_, code)| **code).unwrap();
                 // One in eight frames is ten times 1 / 80.
-                assert_eq!((place / POINTS & !1, place % POINTS), (20, 9));
+                assert_eq!(((place / POINTS) & !1, place % POINTS), (20, 9));
                 assert!(*most > 100, "{most}");
             }
             assert!(maps[20 * POINTS..21 * POINTS].is_sorted());
