@@ -2,8 +2,8 @@
 //! kernels against f32 on Burn's `ndarray`.
 //!
 //! `cargo bench -p rfhoi-tests --bench answer -- [small|paper|FILE]...`: of these shapes with random weights, or of the f32
-//! model in a file. `--tags N` takes so many tags in place of six. `--case DIR` leaves the last one, a window and Burn's answer there for `tests/peers/onnx.py`; `--json` prints
-//! one line of our times alone, which that script's `--ours` takes.
+//! model in a file. `--tags N` takes so many tags in place of six. `--case DIR` leaves the last one, a window and Burn's answer
+//! there for `tests/peers/onnx.py`; `--json` prints one line of our times alone, which that script's `--ours` takes.
 
 use std::path::Path;
 use std::time::Instant;

@@ -29,6 +29,7 @@ use std::io::{self, Read};
 use std::path::{Path, PathBuf};
 
 pub use lines::Fault;
+pub(crate) use speed::percentile;
 pub use speed::{JointSpeed, LONGEST_STEP_S};
 
 /// Bytes of the longest file that is read.
@@ -223,7 +224,7 @@ impl Motion {
             let top = head.iter().map(|&j| up(frame[j])).fold(f32::NEG_INFINITY, f32::max);
             top - frame.iter().map(|&p| up(p)).fold(f32::INFINITY, f32::min)
         });
-        speed::percentile(heights.collect(), 0.95)
+        percentile(heights.collect(), 0.95)
     }
 }
 

@@ -17,7 +17,7 @@ pub struct JointSpeed {
 }
 
 /// The value that `share` of `values` are below; `None` of no values.
-pub(super) fn percentile(mut values: Vec<f32>, share: f64) -> Option<f32> {
+pub(crate) fn percentile(mut values: Vec<f32>, share: f64) -> Option<f32> {
     let last = values.len().checked_sub(1)?;
     let (_, value, _) = values.select_nth_unstable_by((last as f64 * share).round() as usize, f32::total_cmp);
     Some(*value)

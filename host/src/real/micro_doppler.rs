@@ -8,24 +8,28 @@
 //!
 //! When something is done within the window matters to neither, how strong the echo is hardly.
 
+use std::f32::consts::TAU;
+
 use ndarray::{Array2, ArrayView2, ArrayView3, Axis};
+use rfhoi_firmware::dsp::window;
 
 use super::radar::POINTS;
+use crate::motion::percentile;
 
 /// Frames of a window, 6.2 s at 7.8 frames a second, and from one to the next.
 const WINDOW: usize = 48;
 const HOP: usize = 6;
 /// Cadences of neighbouring columns differ by so much of a frame's rate: 0.098 Hz at 7.8 frames a second.
 const CADENCE: f32 = 1.0 / 80.0;
-/// Share of a recording's cells above its floor, and of those above its height.
+/// Share of a recording's cells below its floor, and of those below its height.
 const FLOOR: f64 = 0.5;
-const HEIGHT: f64 = 0.02;
+const HEIGHT: f64 = 0.98;
 /// A height of fewer octaves is noise.
 const LEAST_HEIGHT: f32 = 0.5;
-/// Codes of a height: twice of it still fits. And of a height's sum over a window: a row that goes from floor to height and back at
-/// one cadence adds up to 7.6 of them, 153 codes.
+/// Codes of a height: twice of it still fits. And where it is that of a cadence's mean over a window: a row that goes from floor to
+/// height and back at one cadence has 1 / pi of it, 153 codes.
 const CODES_OF_HEIGHT: f32 = 122.0;
-const CODES_OF_CADENCE: f32 = 20.0;
+const CODES_OF_CADENCE: f32 = 480.0;
 
 /// Frames of three maps: of the low band what is sorted and its cadences, of the high band its cadences.
 ///
@@ -55,11 +59,9 @@ pub(super) fn frames(both: ArrayView3<'_, u8>) -> Vec<Vec<u8>> {
 /// Octaves over the recording's floor, in parts of its height.
 fn over_floor(codes: ArrayView2<'_, u8>) -> Array2<f32> {
     let mut octaves = codes.mapv(|code| (1.0 + f32::from(code)).log2());
-    let mut all: Vec<f32> = octaves.iter().copied().collect();
-    all.sort_by(f32::total_cmp);
-    let above = |share: f64| all[((1.0 - share) * (all.len() - 1) as f64) as usize];
-    let floor = above(FLOOR);
-    let height = (above(HEIGHT) - floor).max(LEAST_HEIGHT);
+    let level = |share| percentile(octaves.iter().copied().collect(), share).unwrap_or(0.0);
+    let floor = level(FLOOR);
+    let height = (level(HEIGHT) - floor).max(LEAST_HEIGHT);
     octaves.mapv_inplace(|octaves| (octaves - floor).max(0.0) / height);
     octaves
 }
@@ -85,11 +87,10 @@ fn sorted(mut row: Vec<f32>, maps: &mut Vec<u8>) {
 
 /// A row's amplitudes at the cadences.
 fn cadences(row: &[f32], maps: &mut Vec<u8>) {
-    use std::f32::consts::TAU;
     let mean = row.iter().sum::<f32>() / row.len() as f32;
-    // Von Hann's window.
-    let weight = |time: usize| 0.5 - 0.5 * (TAU * time as f32 / row.len() as f32).cos();
-    let moved: Vec<f32> = row.iter().enumerate().map(|(time, value)| weight(time) * (value - mean)).collect();
+    let mut weights = vec![0.0; row.len()];
+    window::hann(&mut weights, 1.0);
+    let moved: Vec<f32> = row.iter().zip(&weights).map(|(value, weight)| weight * (value - mean)).collect();
     maps.extend((1..=POINTS).map(|column| {
         let turn = TAU * CADENCE * column as f32;
         let sum = |part: fn(f32) -> f32| -> f32 {

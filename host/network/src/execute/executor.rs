@@ -16,8 +16,8 @@ use crate::positions::positions;
 use crate::probability::softmax;
 use crate::sample::{Answer, Frame, InputError, Runner};
 
-/// Multiplications of the tags' layers from which on threads share tags: some 50 us of one alone. Waking a thread that sleeps
-/// takes 10 to 30.
+/// Multiplications of the tags' layers from which on threads share tags: some 50 us of one alone. For less it is not worth waking
+/// another.
 const SHARED: usize = 1 << 21;
 /// Groups of tags for each thread but the one that has the radar's branch: so that whoever is done early takes another.
 const GROUPS: usize = 8;
